@@ -1,0 +1,73 @@
+"""Lazy compilation: numba is imported by the first kernel module that is, and its cache lives in the user's cache.
+
+The cache folder's name holds a digest of all kernel sources, because numba notices a change in a function but not in
+the functions which that one calls.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def cache_directory() -> Path:
+    """Folder of the compiled kernels of this version of the sources (it need not exist yet)."""
+    if "OHMLOOM_CACHE" in os.environ:
+        base = Path(os.environ["OHMLOOM_CACHE"])
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "ohmloom"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "ohmloom"
+    digest = hashlib.sha256()
+    root = Path(__file__).parent
+    for source in sorted(root.rglob("*.py")):
+        if "kernels" in source.name or "laws" in source.parts or source.name == "_jit.py":
+            digest.update(source.read_bytes())
+    return base / f"kernels-{digest.hexdigest()[:12]}"
+
+
+os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_directory()))
+
+import numba  # noqa: E402 - after its cache directory is set
+from numba.core import types  # noqa: E402
+from numba.extending import intrinsic  # noqa: E402
+
+COMPILED = not numba.config.DISABLE_JIT
+
+
+def kernel(function: F) -> F:
+    """Compile a free function of numbers and arrays; floating point stays strict, so results are reproducible."""
+    compiled: F = numba.njit(cache=True, fastmath=False, nogil=True, error_model="numpy")(function)
+    return compiled
+
+
+def inner_kernel(function: F) -> F:
+    """Compile a closure that only other kernels call; it is compiled into them and not cached by itself."""
+    compiled: F = numba.njit(cache=False, fastmath=False, nogil=True, error_model="numpy")(function)
+    return compiled
+
+
+if COMPILED:
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def lowest_bit(typingctx: Any, mask: Any) -> Any:  # noqa: ARG001
+        """Index of the lowest set bit of a non-zero int64 mask."""
+
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
+            from llvmlite import ir
+
+            return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+        return types.int64(types.int64), codegen
+
+else:
+
+    def lowest_bit(mask: int) -> int:
+        """Index of the lowest set bit of a non-zero int64 mask."""
+        return (int(mask) & -int(mask)).bit_length() - 1
