@@ -1,0 +1,237 @@
+"""Compiled discrete controller: a bit-mask form for up to 62 neurons and the default rule, a general form for the rest.
+
+Both equal ``plain`` spike for spike. Sums run in ascending order of the presynaptic neuron, from 0.0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmloom._jit import kernel, lowest_bit
+
+INPUTS = 6
+STEPS = 21
+FORWARD, LEFT, RIGHT = 0, 1, 2
+
+
+class Wiring(NamedTuple):
+    """One network, read only. Masks hold presynaptic neurons as bits; matrices have axes (post, pre)."""
+
+    neurons: int
+    masked: bool  # whether the bit-mask form applies
+    direct: np.ndarray  # (post,) delay of one step
+    descending: np.ndarray  # (post,) from higher hidden neurons, delay i_s - i_r
+    ascending: np.ndarray  # (post,) from lower hidden neurons, delay i_r - i_s
+    plastic: np.ndarray  # (post,)
+    sign: np.ndarray  # (pre,)
+    kind: np.ndarray  # (post, pre) row of `tables`
+    first_weight: np.ndarray  # (post, pre), with the sender's sign
+    first_level: np.ndarray  # (post, pre)
+    starts: np.ndarray  # (post + 1,) the general form: synapses sorted by post, then pre
+    senders: np.ndarray  # (synapse,)
+    delays: np.ndarray  # (synapse,)
+    tables: np.ndarray  # (kind, level) weight
+    up: np.ndarray  # (kind, level) level after a positive event
+    down: np.ndarray  # (kind, level)
+    a: float
+    b: float
+    c: float
+    c_ini: float
+    y_thresh: float
+    gain: float
+    last_spike: int
+    stdp_threshold: int
+    high_count: int
+    at_emission: bool
+    input_bias: bool
+    clamp: bool
+    carry: bool
+
+
+class ControllerState(NamedTuple):
+    """What changes while a network runs."""
+
+    y: np.ndarray  # (neuron,)
+    weight: np.ndarray  # (post, pre), with the sender's sign
+    level: np.ndarray  # (post, pre)
+    masks: np.ndarray  # [spikes of the last step]
+    waves: np.ndarray  # (2, neuron) descending and ascending senders whose spike arrives now
+    ls: np.ndarray  # (neuron,) the general form
+    ring: np.ndarray  # (slot, neuron) spikes of past steps
+    emitted: np.ndarray  # (slot, synapse) weights at emission
+    clock: np.ndarray  # [step]
+    events: np.ndarray  # [positive, negative]
+
+
+@kernel
+def membrane(y, current, bias, b, clamp):
+    """Eq. 3."""
+    y = y + (current + bias - b * y)
+    if clamp and y < 0.0:
+        y = 0.0
+    return y
+
+
+@kernel
+def classify(left, right, high_count):
+    """Eq. 6 and Section VIII-A."""
+    first_high, second_high = left >= high_count, right >= high_count
+    if first_high == second_high:
+        return FORWARD
+    return LEFT if first_high else RIGHT
+
+
+@kernel
+def reset_activity(w, s):
+    s.y[:] = w.c_ini
+    s.masks[:] = 0
+    s.waves[:] = 0
+    s.ls[:] = 0
+    s.ring[:] = False
+    s.clock[0] = 0
+
+
+@kernel
+def reset(w, s):
+    reset_activity(w, s)
+    s.weight[:] = w.first_weight
+    s.level[:] = w.first_level
+    s.events[:] = 0
+
+
+@kernel
+def _move(sign, kind, tables, up, down, weight, level, events, post, pre, positive):
+    row = kind[post, pre]
+    now = level[post, pre]
+    now = up[row, now] if positive else down[row, now]
+    level[post, pre] = now
+    weight[post, pre] = sign[pre] * tables[row, now]
+    events[0 if positive else 1] += 1
+
+
+@kernel
+def stdp_masked(plastic, sign, kind, tables, up, down, weight, level, events, new, old):
+    """Eqs. 10 and 11 with ls = 3 for `new` spikes and ls = 2 for `old` ones: only these pairs exceed 4 unequally."""
+    posts = new
+    while posts != 0:
+        post = lowest_bit(posts)
+        posts &= posts - 1
+        pres = plastic[post] & old
+        while pres != 0:
+            _move(sign, kind, tables, up, down, weight, level, events, post, lowest_bit(pres), True)
+            pres &= pres - 1
+    posts = old
+    while posts != 0:
+        post = lowest_bit(posts)
+        posts &= posts - 1
+        pres = plastic[post] & new
+        while pres != 0:
+            _move(sign, kind, tables, up, down, weight, level, events, post, lowest_bit(pres), False)
+            pres &= pres - 1
+
+
+@kernel
+def _run_masked(w, s, sensors, spiked, steps):
+    # Fields are taken out once: reading them from the tuple in the loop would count references every time.
+    direct, descending, ascending, plastic = w.direct, w.descending, w.ascending, w.plastic
+    sign, kind, tables, up, down = w.sign, w.kind, w.tables, w.up, w.down
+    y_all, weight, level, waves, events = s.y, s.weight, s.level, s.waves, s.events
+    neurons, a, b, c, y_thresh, gain, clamp = w.neurons, w.a, w.b, w.c, w.y_thresh, w.gain, w.clamp
+    input_bias = a if w.input_bias else 0.0
+    first_output = neurons - 2
+    last = s.masks[0]
+    for _ in range(steps):
+        spikes = 0
+        for j in range(neurons):
+            if j < INPUTS:
+                y = membrane(y_all[j], sensors[j], input_bias, b, clamp)
+            else:
+                arriving = (direct[j] & last) | (descending[j] & waves[0, j]) | (ascending[j] & waves[1, j])
+                total = 0.0
+                while arriving != 0:
+                    total += weight[j, lowest_bit(arriving)]
+                    arriving &= arriving - 1
+                y = membrane(y_all[j], gain * total, a, b, clamp)
+            if y > y_thresh:
+                y = c
+                spikes |= 1 << j
+                spiked[j] += 1
+            y_all[j] = y
+        # A spike travels one neuron per step, so each wave is the neighbour's last wave plus the neighbour's spike.
+        for j in range(INPUTS, first_output - 1):
+            waves[0, j] = waves[0, j + 1] | (spikes & (1 << (j + 1)))
+        for j in range(first_output - 1, INPUTS, -1):
+            waves[1, j] = waves[1, j - 1] | (spikes & (1 << (j - 1)))
+        stdp_masked(plastic, sign, kind, tables, up, down, weight, level, events, spikes, last & ~spikes)
+        last = spikes
+    s.masks[0] = last
+
+
+@kernel
+def stdp_general(w, s):
+    """Eqs. 10 and 11 for any last_spike and threshold, then the decay of ls."""
+    for post in range(INPUTS, w.neurons):
+        for k in range(w.starts[post], w.starts[post + 1]):
+            pre = w.senders[k]
+            if w.kind[post, pre] < w.tables.shape[0]:
+                ls_pre, ls_post = s.ls[pre], s.ls[post]
+                if ls_pre + ls_post > w.stdp_threshold and ls_pre != ls_post:
+                    positive = ls_post > ls_pre
+                    _move(w.sign, w.kind, w.tables, w.up, w.down, s.weight, s.level, s.events, post, pre, positive)
+    for j in range(w.neurons):
+        if s.ls[j] > 0:
+            s.ls[j] -= 1
+
+
+@kernel
+def _step_general(w, s, sensors, spiked):
+    slots = s.ring.shape[0]
+    now = s.clock[0]
+    slot = now % slots
+    for j in range(w.neurons):
+        if j < INPUTS:
+            y = membrane(s.y[j], sensors[j], w.a if w.input_bias else 0.0, w.b, w.clamp)
+        else:
+            total = 0.0
+            for k in range(w.starts[j], w.starts[j + 1]):
+                pre, sent = w.senders[k], now - w.delays[k]
+                if sent >= 0 and s.ring[sent % slots, pre]:
+                    if w.at_emission:
+                        total += s.emitted[sent % slots, k]
+                    else:
+                        total += s.weight[j, pre]
+            y = membrane(s.y[j], w.gain * total, w.a, w.b, w.clamp)
+        above = y > w.y_thresh
+        s.y[j] = w.c if above else y
+        s.ring[slot, j] = above
+        if above:
+            s.ls[j] = w.last_spike
+            spiked[j] += 1
+    if w.at_emission:
+        for post in range(INPUTS, w.neurons):
+            for k in range(w.starts[post], w.starts[post + 1]):
+                s.emitted[slot, k] = s.weight[post, w.senders[k]]
+    stdp_general(w, s)
+    s.clock[0] = now + 1
+
+
+@kernel
+def run_steps(w, s, sensors, spiked, steps):
+    """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike."""
+    if w.masked:
+        _run_masked(w, s, sensors, spiked, steps)
+    else:
+        for _ in range(steps):
+            _step_general(w, s, sensors, spiked)
+
+
+@kernel
+def timestep(w, s, sensors, spiked):
+    """21 steps; `spiked` (neuron,) becomes the spike counts. Returns the action."""
+    if not w.carry:
+        reset_activity(w, s)
+    spiked[:] = 0
+    run_steps(w, s, sensors, spiked, STEPS)
+    return classify(spiked[w.neurons - 2], spiked[w.neurons - 1], w.high_count)

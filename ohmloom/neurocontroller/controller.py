@@ -1,0 +1,201 @@
+"""The ideal controller: a network's discrete simulation behind ``reset`` and ``step``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ohmloom._arrays import FloatArray, IntArray
+from ohmloom.errors import ParameterError
+from ohmloom.neurocontroller.network import INPUTS, Network
+
+ACTIONS = ("forward", "left", "right")
+
+
+class SpikingController:
+    """Runs a network with the discrete rules of Sections IV and V.
+
+    Parameters
+    ----------
+    network
+        What to run, with its own readings.
+    plasticity
+        ``charge``: one STDP event moves the charge by q_max / 1000 (eq. 12).
+    implementation
+        ``compiled``, or ``plain``, which reads like the paper and is equal spike for spike.
+
+    Raises
+    ------
+    ParameterError
+        For another plasticity or implementation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ohmloom.neurocontroller import Network
+    >>> network = Network.random(system="HET", rng=np.random.default_rng(1))
+    >>> controller = SpikingController(network)
+    >>> controller.step([0, 0, 0, 0.2, 0.8, 1.0]) in ("forward", "left", "right")
+    True
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        *,
+        plasticity: Literal["charge"] = "charge",
+        implementation: Literal["compiled", "plain"] = "compiled",
+    ) -> None:
+        if plasticity != "charge":
+            raise ParameterError(f"SpikingController.plasticity: expected 'charge', got {plasticity!r}. "
+                                 "Fixed-voltage plasticity is not in this version.")  # fmt: skip
+        if implementation not in ("compiled", "plain"):
+            raise ParameterError(f"SpikingController.implementation: expected 'compiled' or 'plain', "
+                                 f"got {implementation!r}. Use one of these.")  # fmt: skip
+        self.network = network
+        self.implementation = implementation
+        self._run = _Compiled(network) if implementation == "compiled" else _Plain(network)
+
+    def reset(self) -> None:
+        """Back to the start of a trial: membranes, travelling spikes and weights."""
+        self._run.reset()
+
+    def step(self, sensors: Sequence[float] | FloatArray) -> str:
+        """One timestep of 21 steps.
+
+        Parameters
+        ----------
+        sensors
+            (6,) IR 0, 2, 5, then light 0, 2, 5; each in [0, 1].
+
+        Returns
+        -------
+        str
+            ``forward``, ``left`` or ``right``.
+
+        Raises
+        ------
+        ParameterError
+            If `sensors` is not six numbers in [0, 1].
+        """
+        return ACTIONS[self._run.timestep(checked_sensors("SpikingController.step", sensors))]
+
+    def spikes(self, sensors: Sequence[float] | FloatArray) -> npt.NDArray[np.bool_]:
+        """One single step; which neurons spiked, axes (neuron,). For comparisons step by step."""
+        return self._run.step(checked_sensors("SpikingController.spikes", sensors))
+
+    @property
+    def output_spikes(self) -> IntArray:
+        """Spikes of the left and the right output in the last timestep, (2,), each 0 to 21."""
+        return self._run.spike_counts()[-2:]
+
+    @property
+    def spike_counts(self) -> IntArray:
+        """Spikes of every neuron in the last timestep, (neuron,)."""
+        return self._run.spike_counts()
+
+    @property
+    def weights(self) -> FloatArray:
+        """Weights in the network's order of synapses, (synapse,), in [0, 1] and without sign."""
+        return self._run.weights()
+
+    @property
+    def membranes(self) -> FloatArray:
+        """Membrane potentials after resets, (neuron,), normalised."""
+        return self._run.membranes()
+
+    @property
+    def events(self) -> tuple[int, int]:
+        """Positive and negative STDP events since the last reset."""
+        return self._run.event_totals()
+
+    @property
+    def kernel_arguments(self) -> tuple[Any, Any]:
+        """Wiring and state for a kernel that runs a whole trial; None, None for the plain implementation."""
+        return self._run.kernel_arguments
+
+
+def checked_sensors(where: str, sensors: Any) -> FloatArray:
+    """Sensor values as an array, or an error that says which rule they break."""
+    values = np.asarray(sensors, dtype=np.float64)
+    if values.shape != (INPUTS,) or not ((values >= 0.0) & (values <= 1.0)).all():
+        raise ParameterError(f"{where}: expected 6 sensor values in [0, 1], got {values!r}. "
+                             "Order: IR 0, 2, 5, light 0, 2, 5.")  # fmt: skip
+    return values
+
+
+class _Compiled:
+    def __init__(self, network: Network) -> None:
+        from ohmloom.neurocontroller import _kernels, wiring
+
+        self._kernels, self._network, self._values = _kernels, network, wiring.synapse_values
+        self._wiring = wiring.wire(network)
+        self._state = wiring.new_state(self._wiring)
+        self._counts = np.zeros(network.neurons, dtype=np.int64)
+
+    def reset(self) -> None:
+        self._kernels.reset(self._wiring, self._state)
+        self._counts[:] = 0
+
+    def timestep(self, sensors: FloatArray) -> int:
+        return int(self._kernels.timestep(self._wiring, self._state, sensors, self._counts))
+
+    def step(self, sensors: FloatArray) -> npt.NDArray[np.bool_]:
+        spiked = np.zeros(self._network.neurons, dtype=np.int64)
+        self._kernels.run_steps(self._wiring, self._state, sensors, spiked, 1)
+        return spiked.astype(np.bool_)
+
+    def spike_counts(self) -> IntArray:
+        return self._counts.copy()
+
+    def weights(self) -> FloatArray:
+        values: FloatArray = np.abs(self._values(self._network, self._state.weight))
+        return values
+
+    def membranes(self) -> FloatArray:
+        values: FloatArray = self._state.y.copy()
+        return values
+
+    def event_totals(self) -> tuple[int, int]:
+        return int(self._state.events[0]), int(self._state.events[1])
+
+    @property
+    def kernel_arguments(self) -> tuple[Any, Any]:
+        return self._wiring, self._state
+
+
+class _Plain:
+    kernel_arguments = (None, None)
+
+    def __init__(self, network: Network) -> None:
+        from ohmloom.neurocontroller.plain import PlainController
+
+        self._plain = PlainController(network)
+        self._counts = np.zeros(network.neurons, dtype=np.int64)
+
+    def reset(self) -> None:
+        self._plain.reset()
+        self._counts[:] = 0
+
+    def timestep(self, sensors: FloatArray) -> int:
+        action = self._plain.timestep([float(x) for x in sensors])
+        self._counts[:] = self._plain.counts
+        return action
+
+    def step(self, sensors: FloatArray) -> npt.NDArray[np.bool_]:
+        return np.array(self._plain.step([float(x) for x in sensors]))
+
+    def spike_counts(self) -> IntArray:
+        return self._counts.copy()
+
+    def weights(self) -> FloatArray:
+        return np.array(self._plain.weights)
+
+    def membranes(self) -> FloatArray:
+        return np.array(self._plain.y)
+
+    def event_totals(self) -> tuple[int, int]:
+        return sum(e[0] for e in self._plain.events), sum(e[1] for e in self._plain.events)

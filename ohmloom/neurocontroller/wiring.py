@@ -1,0 +1,106 @@
+"""From a network to the arrays that the compiled controller runs on."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ohmloom.neurocontroller import _kernels
+from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS, Lattice
+from ohmloom.neurocontroller.network import INPUTS, OUTPUTS, Network
+
+MASK_LIMIT = 62  # neurons that fit the bits of a signed 64-bit integer
+NOT_PLASTIC = len(PLASTIC_KINDS)
+
+
+def charge_levels(lattice: Lattice) -> list[int]:
+    """All charges that events from the start value can reach, ends included, in ascending order."""
+    charges = {*range(lattice.start % lattice.event, lattice.top + 1, lattice.event)}
+    charges |= {*range(0, lattice.top + 1, lattice.event), lattice.top}
+    return sorted(charges)
+
+
+@cache
+def level_tables() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Weight, next level up and next level down, axes (kind, level)."""
+    levels = [charge_levels(LATTICES[kind]) for kind in PLASTIC_KINDS]
+    width = max(map(len, levels))
+    weights = np.zeros((len(levels), width))
+    up, down = (np.zeros((len(levels), width), dtype=np.int16) for _ in range(2))
+    for row, (kind, charges) in enumerate(zip(PLASTIC_KINDS, levels, strict=True)):
+        lattice = LATTICES[kind]
+        index = {q: level for level, q in enumerate(charges)}
+        for level, q in enumerate(charges):
+            weights[row, level] = lattice.weight(q)
+            up[row, level] = index[min(q + lattice.event, lattice.top)]
+            down[row, level] = index[max(q - lattice.event, 0)]
+    return weights, up, down
+
+
+@cache
+def start_level(kind: str) -> int:
+    """Level of W = 0.5."""
+    return charge_levels(LATTICES[kind]).index(LATTICES[kind].start)
+
+
+def wire(network: Network) -> _kernels.Wiring:
+    """Arrays of one network, read only, for the kernels."""
+    r, n = network.readings, network.neurons
+    first_output = n - OUTPUTS
+    masked = n <= MASK_LIMIT and r.last_spike == 3 and r.stdp_threshold == 4 and r.weight_at == "arrival"
+    masks = np.zeros((4, n), dtype=np.int64)
+    direct, descending, ascending, plastic = masks
+    sign = np.array([network.sign(j) for j in range(n)])
+    kind = np.full((n, n), NOT_PLASTIC, dtype=np.int8)
+    weight = np.zeros((n, n))
+    level = np.zeros((n, n), dtype=np.int16)
+    starts = np.zeros(n + 1, dtype=np.int64)
+    senders: list[int] = []
+    delays: list[int] = []
+    for post, group in enumerate(network.inbound()):
+        for k in group:
+            synapse = network.synapses[k]
+            pre = synapse.pre
+            delays.append(network.delay(synapse))
+            senders.append(pre)
+            weight[post, pre] = sign[pre] * synapse.weight
+            is_lateral = pre >= INPUTS and post < first_output and r.hidden_delay == "index"
+            if masked:
+                (direct if not is_lateral else descending if pre > post else ascending)[post] |= 1 << pre
+            if synapse.kind in LATTICES:
+                kind[post, pre] = PLASTIC_KINDS.index(synapse.kind)
+                level[post, pre] = start_level(synapse.kind)
+                if masked:
+                    plastic[post] |= 1 << pre
+        starts[post + 1] = len(senders)
+    tables, up, down = level_tables()
+    return _kernels.Wiring(
+        n, masked, direct, descending, ascending, plastic, sign, kind, weight, level,
+        starts, np.array(senders, dtype=np.int64), np.array(delays, dtype=np.int64), tables, up, down,
+        r.a, r.b, r.c, r.c_ini, r.y_thresh, r.synapse_gain, r.last_spike, r.stdp_threshold, r.high_count,
+        r.weight_at == "emission", r.input_bias, r.clamp, r.carry_state,
+    )  # fmt: skip
+
+
+def new_state(wiring: _kernels.Wiring) -> _kernels.ControllerState:
+    """State of a network before its first step."""
+    n, synapses = wiring.neurons, len(wiring.senders)
+    # The masked form keeps no ring, but the arrays must exist for the compiler.
+    slots = 1 if wiring.masked else int(wiring.delays.max(initial=1)) + 1
+    state = _kernels.ControllerState(
+        np.empty(n), np.empty((n, n)), np.empty((n, n), dtype=np.int16), np.zeros(1, dtype=np.int64),
+        np.zeros((2, n), dtype=np.int64), np.zeros(n, dtype=np.int64), np.zeros((slots, n), dtype=np.bool_),
+        np.zeros((slots if wiring.at_emission else 1, synapses)), np.zeros(1, dtype=np.int64),
+        np.zeros(2, dtype=np.int64),
+    )  # fmt: skip
+    _kernels.reset(wiring, state)
+    return state
+
+
+def synapse_values(network: Network, matrix: Any) -> Any:
+    """Entries of a (post, pre) matrix in the network's order of synapses."""
+    posts = [s.post for s in network.synapses]
+    pres = [s.pre for s in network.synapses]
+    return matrix[posts, pres]

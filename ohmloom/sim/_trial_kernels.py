@@ -1,0 +1,35 @@
+"""A whole trial of a compiled controller in one call."""
+
+from __future__ import annotations
+
+from ohmloom._jit import kernel
+from ohmloom.neurocontroller._kernels import reset, timestep
+from ohmloom.sim._arena_kernels import begin, judge, move, sense
+
+
+@kernel
+def run(world, robot, key, wiring, controller, counts, sensors, action_delay, record, path, st, seen, acted, spikes):
+    """Run until the goal or the end; fills the recording arrays if `record`. Returns the executed timesteps."""
+    reset(wiring, controller)
+    begin(world, robot, key)
+    delayed = 0
+    executed = 0
+    if record:
+        path[0] = robot.pose
+        st[0] = 0
+    while robot.count[4] == 0:
+        sense(world, robot, key, sensors)
+        action = timestep(wiring, controller, sensors, counts)
+        if action_delay:
+            action, delayed = delayed, action
+        move(world, robot, key, action)
+        judge(world, robot, key)
+        if record:
+            seen[executed] = sensors
+            acted[executed] = action
+            spikes[executed, 0] = counts[wiring.neurons - 2]
+            spikes[executed, 1] = counts[wiring.neurons - 1]
+            path[executed + 1] = robot.pose
+            st[executed + 1] = robot.count[0]
+        executed += 1
+    return executed
