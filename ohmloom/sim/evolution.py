@@ -1,0 +1,336 @@
+"""Evolution runs: repeats as units of work in a run folder, resumable, the same for any number of workers."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ohmloom import __version__
+from ohmloom._files import StrictModel, parse_json, read_bytes, write_atomic
+from ohmloom.errors import FileFormatError, Interrupted, OperationError, ParameterError, SettingsConflictError
+from ohmloom.neurocontroller import SYSTEMS, Readings
+from ohmloom.sim.arena import Arena
+from ohmloom.sim.population import PopulationState
+
+OBSERVE_EVERY = 20  # Section IX
+Report = Callable[[int, dict[str, float]], None]
+
+
+class EvolutionSettings(StrictModel):
+    """What determines an evolution run.
+
+    Attributes
+    ----------
+    system
+        ``HP``, ``PEO``, ``LIN``, ``GA`` or ``HET``.
+    repeats, generations, population
+        Independent repeats; generations after the first; networks per population.
+    seed
+        Every random number follows from it.
+    starts
+        Fitness is the mean over this many starts; 1 is the paper's.
+    reevaluate
+        Whether a parent is tried again on fresh starts each time it is used; its fitness is the mean over all.
+    task, shadow, slip_mode, second_part_start
+        Settings of the arena.
+    enable_probability
+        Probability that a legal synapse exists at birth.
+    readings
+        Settings of the controller.
+    """
+
+    system: Literal["HP", "PEO", "LIN", "GA", "HET"]
+    repeats: int = Field(default=1, ge=1)
+    generations: int = Field(default=1000, ge=0)
+    population: int = Field(default=100, ge=3)
+    seed: int = Field(default=0, ge=0)
+    starts: int = Field(default=1, ge=1)
+    reevaluate: bool = False
+    task: Literal["static", "dynamic"] = "static"
+    shadow: bool = False
+    slip_mode: Literal["stall", "uniform"] = "stall"
+    second_part_start: Literal["goal", "start"] = "goal"
+    enable_probability: float = Field(default=0.5, ge=0.0, le=1.0)
+    readings: Readings = Readings()
+
+    def arena(self) -> Arena:
+        """The arena of these settings."""
+        return Arena(
+            task=self.task, shadow=self.shadow, slip_mode=self.slip_mode, second_part_start=self.second_part_start
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Repeat:
+    """Outcome of one repeat: its best network's file, fitness, success, and when the goal was first reached."""
+
+    repeat: int
+    best_fitness: float
+    best_success: float
+    mean_fitness: float
+    first_solved: int | None
+    network: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evolution:
+    """A finished run: its folder and the outcome of each repeat."""
+
+    settings: EvolutionSettings
+    out: Path
+    repeats: tuple[Repeat, ...]
+
+
+def evolve(
+    settings: EvolutionSettings, *, out: Path | str, workers: int = 1, report: Report | None = None
+) -> Evolution:
+    """Run, or resume, an evolution in the folder `out`.
+
+    Parameters
+    ----------
+    settings
+        What to run.
+    out
+        Run folder; made if absent. With the same settings the run resumes, to the same final bytes.
+    workers
+        Processes; they do not change the result.
+    report
+        Called with a repeat's index and its latest row of observations.
+
+    Raises
+    ------
+    SettingsConflictError
+        If the folder holds a run with other settings; names the first that differs.
+    ParameterError
+        If `workers` is less than 1.
+    Interrupted
+        After Ctrl-C; everything done so far is kept.
+    OperationError
+        If a worker dies or a file cannot be written.
+    """
+    if workers < 1:
+        raise ParameterError(f"evolve.workers: expected at least 1, got {workers}. Use 1 or more.")
+    folder = Path(out)
+    _claim(folder, settings)
+    todo = [k for k in range(settings.repeats) if not _network_path(folder, settings, k).exists()]
+    if todo:
+        with _stop_on_interrupt() as stopped:
+            if workers == 1 or len(todo) == 1:
+                for repeat in todo:
+                    if not stopped() and _run_repeat(settings, folder, repeat, stopped, report):
+                        continue
+                    break
+            else:
+                _run_pool(settings, folder, todo, workers, stopped, report)
+            if stopped():
+                raise Interrupted(f"{folder}: interrupted; all finished generations are kept.")
+    return _collect(folder, settings)
+
+
+def _claim(folder: Path, settings: EvolutionSettings) -> None:
+    path = folder / "run.json"
+    wanted = {"format": "ohmloom.run", "version": 1, "ohmloom": __version__, "command": "evolve"}
+    wanted |= {"settings": settings.model_dump(), "arena": settings.arena().settings()}
+    if path.exists():
+        found = parse_json(read_bytes(path, "run"), str(path))
+        difference = _first_difference(found, json.loads(json.dumps(wanted)), "")
+        if difference:
+            raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the settings of that run.")
+        return
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, got one with other files. "
+                                    "Use another --out.")  # fmt: skip
+    write_atomic(path, json.dumps(wanted, indent=1) + "\n")
+
+
+def _first_difference(found: Any, wanted: Any, field: str) -> str | None:
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        for key in [*wanted, *(k for k in found if k not in wanted)]:
+            name = f"{field}.{key}" if field else key
+            if key not in found or key not in wanted:
+                return f"{name}: expected {wanted.get(key)!r}, got {found.get(key)!r}"
+            deeper = _first_difference(found[key], wanted[key], name)
+            if deeper:
+                return deeper
+        return None
+    return None if found == wanted else f"{field}: expected {wanted!r}, got {found!r}"
+
+
+def _stem(settings: EvolutionSettings, repeat: int) -> str:
+    return f"{settings.system}_{repeat}"
+
+
+def _network_path(folder: Path, settings: EvolutionSettings, repeat: int) -> Path:
+    return folder / "networks" / f"{_stem(settings, repeat)}.net.json"
+
+
+def _run_repeat(
+    settings: EvolutionSettings, folder: Path, repeat: int, stopped: Callable[[], bool], report: Report | None
+) -> bool:
+    """Run one repeat to its end, or to a stop; whether it finished."""
+    checkpoint = folder / "populations" / f"{_stem(settings, repeat)}.json"
+    key = (list(SYSTEMS).index(settings.system), repeat)
+    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
+    population = PopulationState(settings.arena(), rng, starts=settings.starts, reevaluate=settings.reevaluate)
+    rows: list[dict[str, float]] = []
+    if checkpoint.exists():
+        saved = parse_json(read_bytes(checkpoint, "checkpoint"), str(checkpoint))
+        try:
+            population.restore(saved["population"], settings.system, settings.readings)
+            rows = saved["rows"]
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(
+                f"{checkpoint}: expected a checkpoint of this run, got one without {error}. Delete it to redo this repeat."
+            ) from error
+    else:
+        population.found(settings.system, settings.population, settings.enable_probability, settings.readings)
+        rows.append(population.observe())
+
+    def save() -> None:
+        write_atomic(checkpoint, json.dumps({"rows": rows, "population": population.to_table()}))
+
+    while population.generation < settings.generations:
+        if stopped():
+            save()
+            return False
+        population.advance()
+        if population.generation % OBSERVE_EVERY == 0 or population.generation == settings.generations:
+            rows.append(population.observe())
+            save()
+            if report is not None:
+                report(repeat, rows[-1])
+    save()
+    _publish(settings, folder, repeat, population, rows)
+    if report is not None:
+        report(repeat, rows[-1])
+    return True
+
+
+def _publish(
+    settings: EvolutionSettings, folder: Path, repeat: int, population: PopulationState, rows: list[dict[str, float]]
+) -> None:
+    write_atomic(folder / "tables" / f"{_stem(settings, repeat)}.csv", _csv(rows))
+    best = population.best()
+    provenance: dict[str, Any] = {
+        "seed": settings.seed, "repeat": repeat, "generation": settings.generations, "fitness": best.fitness,
+        "task": settings.task, "starts": settings.starts, "trial_key": best.trial_keys[0],
+        "trial_keys": best.trial_keys, "solved": best.solved, "trials": best.trials,
+        "first_solved": population.first_solved,
+    }  # fmt: skip
+    # The network's file marks the repeat as done, so it comes last.
+    network = best.network.replace(name=_stem(settings, repeat), provenance=provenance)
+    network.save(_network_path(folder, settings, repeat))
+
+
+def _csv(rows: list[dict[str, Any]]) -> str:
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def _collect(folder: Path, settings: EvolutionSettings) -> Evolution:
+    repeats, rows = [], []
+    for k in range(settings.repeats):
+        path = _network_path(folder, settings, k)
+        provenance = parse_json(read_bytes(path, "network"), str(path))["provenance"]
+        with (folder / "tables" / f"{_stem(settings, k)}.csv").open() as file:
+            last = list(csv.DictReader(file))[-1]
+        outcome = Repeat(
+            repeat=k, best_fitness=provenance["fitness"], best_success=provenance["solved"] / provenance["trials"],
+            mean_fitness=float(last["mean_fitness"]), first_solved=provenance["first_solved"], network=path,
+        )  # fmt: skip
+        repeats.append(outcome)
+        first = "" if outcome.first_solved is None else outcome.first_solved
+        rows.append({"repeat": k, "first_solved_generation": first} | {n: v for n, v in last.items() if n != "generation"})
+    write_atomic(folder / "tables" / "summary.csv", _csv(rows))
+    return Evolution(settings=settings, out=folder, repeats=tuple(repeats))
+
+
+@contextlib.contextmanager
+def _stop_on_interrupt() -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C into a flag, so that a generation is finished and saved; a second one acts as usual."""
+    flag = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield flag.is_set
+        return
+    previous = signal.getsignal(signal.SIGINT)
+
+    def note(*_: Any) -> None:
+        flag.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield flag.is_set
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+_worker_stop: Any = None
+_worker_reports: Any = None
+_worker_parent = 0
+
+
+def _start_worker(stop: Any, reports: Any, parent: int) -> None:
+    global _worker_stop, _worker_reports, _worker_parent  # noqa: PLW0603 - state of one worker process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _worker_stop, _worker_reports, _worker_parent = stop, reports, parent
+
+
+def _work(settings: EvolutionSettings, folder: Path, repeat: int) -> bool:
+    def stopped() -> bool:
+        # A worker whose driver was killed must not live on.
+        return bool(_worker_stop.is_set()) or os.getppid() != _worker_parent
+
+    return _run_repeat(settings, folder, repeat, stopped, lambda k, row: _worker_reports.put((k, row)))
+
+
+def _run_pool(
+    settings: EvolutionSettings,
+    folder: Path,
+    todo: list[int],
+    workers: int,
+    stopped: Callable[[], bool],
+    report: Report | None,
+) -> None:
+    context = multiprocessing.get_context("spawn")
+    stop, reports = context.Event(), context.Queue()
+    with ProcessPoolExecutor(
+        min(workers, len(todo)), context, initializer=_start_worker, initargs=(stop, reports, os.getpid())
+    ) as pool:
+        futures = {pool.submit(_work, settings, folder, k) for k in todo}
+        try:
+            while futures:
+                done, futures = wait(futures, timeout=0.2, return_when=FIRST_COMPLETED)
+                while not reports.empty():
+                    repeat, row = reports.get()
+                    if report is not None:
+                        report(repeat, row)
+                for future in done:
+                    future.result()
+                if stopped():
+                    stop.set()
+                    for future in futures:
+                        future.cancel()
+                    futures = {future for future in futures if not future.cancelled()}
+        except BrokenProcessPool as error:
+            raise OperationError(f"{folder}: a worker process died. Run the same command again to resume.") from error
+        finally:
+            stop.set()

@@ -1,0 +1,182 @@
+"""One evolutionary run: a population, its fitness, and the generation loop of Section VI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ohmloom._arrays import FloatArray
+from ohmloom.neurocontroller import Adaptation, Network, Readings, SpikingController, Synapse, mutate
+from ohmloom.neurocontroller.variation import INITIAL_RANGES
+from ohmloom.sim.arena import Arena
+from ohmloom.sim.trial import draw_trial_key, trial_fitness
+
+OFFSPRING = 2  # Section VI
+
+
+@dataclass(kw_only=True)
+class IndividualState:
+    """A network with the evaluations it has had."""
+
+    network: Network
+    birth: int
+    trial_keys: list[int]
+    total: float = 0.0
+    solved: int = 0
+    trials: int = 0
+
+    @property
+    def fitness(self) -> float:
+        """Mean over all its trials."""
+        return self.total / self.trials
+
+
+def start_keys(trial_key: int, starts: int) -> list[int]:
+    """Keys of the trials of one evaluation: `trial_key` itself, then keys drawn from it.
+
+    >>> start_keys(5, 1)
+    [5]
+    >>> len(set(start_keys(5, 8)))
+    8
+    """
+    if starts == 1:
+        return [trial_key]
+    words = np.random.SeedSequence(trial_key).generate_state(starts - 1, np.uint64)
+    return [trial_key, *(int(word) for word in words)]
+
+
+def run_starts(network: Network, arena: Arena, keys: Sequence[int]) -> tuple[FloatArray, int]:
+    """Fitness of each trial, axes (start,), and how many reached the goal."""
+    controller = SpikingController(network)
+    fitness, solved = np.zeros(len(keys)), 0
+    for k, key in enumerate(keys):
+        value, is_solved, _ = trial_fitness(controller, arena, key)
+        fitness[k] = value
+        solved += is_solved
+    return fitness, solved
+
+
+def roulette(fitness: FloatArray, rng: np.random.Generator) -> int:
+    """Index drawn in proportion to `fitness` (individual,); uniformly if all are 0.
+
+    >>> roulette(np.array([0.0, 0.0, 3.0]), np.random.default_rng(1))
+    2
+    """
+    cumulative = np.cumsum(fitness)
+    draw = rng.random()
+    if cumulative[-1] <= 0.0:
+        return int(draw * len(fitness))
+    return int(np.searchsorted(cumulative, draw * cumulative[-1], side="right"))
+
+
+class PopulationState:
+    """Population of one repeat and its random generator; everything that a checkpoint holds."""
+
+    def __init__(self, arena: Arena, rng: np.random.Generator, *, starts: int, reevaluate: bool) -> None:
+        self.arena, self.rng, self.starts, self.reevaluate = arena, rng, starts, reevaluate
+        self.individuals: list[IndividualState] = []
+        self.generation = 0
+        self.births = 0
+        self.first_solved: int | None = None
+
+    def found(self, system: str, size: int, enable_probability: float, readings: Readings) -> None:
+        """Generation 0: random networks, each tried."""
+        while len(self.individuals) < size:
+            self._join(
+                Network.random(
+                    system=system, rng=self.rng, enable_probability=enable_probability, readings=readings
+                )
+            )
+
+    def advance(self) -> None:
+        """One generation: two parents, two offspring, the two worst leave."""
+        self.generation += 1
+        fitness = np.array([individual.fitness for individual in self.individuals])
+        parents = [self.individuals[roulette(fitness, self.rng)] for _ in range(OFFSPRING)]
+        for parent in parents:
+            if self.reevaluate:
+                self._try(parent)
+            self._join(mutate(parent.network, rng=self.rng))
+        for _ in range(OFFSPRING):
+            # The list is in order of birth and min() takes the first, so ties go oldest first.
+            self.individuals.remove(min(self.individuals, key=lambda individual: individual.fitness))
+
+    def best(self) -> IndividualState:
+        """The individual of the highest fitness, the oldest among equals."""
+        return max(self.individuals, key=lambda individual: individual.fitness)
+
+    def observe(self) -> dict[str, float]:
+        """Means over the population, as the paper's tables have them."""
+        best, members = self.best(), self.individuals
+        row: dict[str, float] = {
+            "generation": self.generation,
+            "best_fitness": best.fitness,
+            "best_success": best.solved / best.trials,
+            "mean_fitness": float(np.mean([m.fitness for m in members])),
+            "mean_success": sum(m.solved for m in members) / sum(m.trials for m in members),
+            "connectivity": float(np.mean([m.network.connectivity for m in members])),
+            "nodes": float(np.mean([m.network.neurons for m in members])),
+            "hidden": float(np.mean([len(m.network.hidden) for m in members])),
+        }
+        for name in INITIAL_RANGES:
+            row[name] = float(np.mean([getattr(m.network.adaptation, name) for m in members]))
+        return row
+
+    def _join(self, network: Network) -> None:
+        individual = IndividualState(network=network, birth=self.births, trial_keys=[])
+        self.births += 1
+        self._try(individual)
+        self.individuals.append(individual)
+
+    def _try(self, individual: IndividualState) -> None:
+        key = draw_trial_key(self.rng)
+        fitness, solved = run_starts(individual.network, self.arena, start_keys(key, self.starts))
+        individual.trial_keys.append(key)
+        # The floor of eq. 14 belongs to the static task; the dynamic one counts rewards from 0.
+        individual.total += float(fitness.sum())
+        individual.solved += solved
+        individual.trials += self.starts
+        if solved and self.first_solved is None:
+            self.first_solved = self.generation
+
+    def to_table(self) -> dict[str, Any]:
+        """Everything, as plain values."""
+        return {
+            "generation": self.generation,
+            "births": self.births,
+            "first_solved": self.first_solved,
+            "generator": self.rng.bit_generator.state,
+            "individuals": [
+                {
+                    "hidden": "".join("+" if p == "excitatory" else "-" for p in i.network.hidden),
+                    "synapses": [list(s) for s in i.network.synapses],
+                    "adaptation": i.network.adaptation.model_dump(),
+                    "birth": i.birth, "trial_keys": i.trial_keys, "total": i.total, "solved": i.solved,
+                    "trials": i.trials,
+                }
+                for i in self.individuals
+            ],
+        }  # fmt: skip
+
+    def restore(self, table: dict[str, Any], system: str, readings: Readings) -> None:
+        """Continue from what `to_table` gave."""
+        self.generation, self.births = table["generation"], table["births"]
+        self.first_solved = table["first_solved"]
+        self.rng.bit_generator.state = table["generator"]
+        self.individuals = [
+            IndividualState(
+                network=Network(
+                    system=system,
+                    hidden=tuple("excitatory" if p == "+" else "inhibitory" for p in i["hidden"]),
+                    synapses=tuple(Synapse(*s) for s in i["synapses"]),
+                    readings=readings,
+                    adaptation=Adaptation(**i["adaptation"]),
+                ),
+                birth=i["birth"], trial_keys=i["trial_keys"], total=i["total"], solved=i["solved"],
+                trials=i["trials"],
+            )
+            for i in table["individuals"]
+        ]  # fmt: skip
