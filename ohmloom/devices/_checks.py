@@ -1,0 +1,63 @@
+"""Checks of what callers pass to a device, made once at the public edge."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ohmloom._arrays import FloatArray, frozen_array
+from ohmloom.errors import ParameterError
+
+
+def finite(where: str, values: Any, unit: str) -> FloatArray:
+    """`values` as a float64 array of any shape."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        rule = f"numbers in {unit}" if unit else "numbers"
+        raise ParameterError(f"{where}: expected {rule}, got {values!r}. Pass floats.") from error
+    if not np.isfinite(array).all():
+        raise ParameterError(f"{where}: expected finite numbers, got NaN or infinity. Check the input.")
+    return array
+
+
+def series(where: str, values: Any, unit: str) -> FloatArray:
+    """`values` as a read-only float64 array with axes (time,)."""
+    array: FloatArray = frozen_array(where, finite(where, values, unit), ("time",))
+    return array
+
+
+def check_number(where: str, value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        raise ParameterError(f"{where}: expected a number in SI units, got {value!r}. Pass a float.")
+    if not math.isfinite(value):
+        raise ParameterError(
+            f"{where}: expected a finite number, got {float(value)}. Check where it comes from."
+        )
+
+
+def checked_function(where: str, voltage: Callable[[float], Any], t: FloatArray) -> Callable[[float], float]:
+    def drive(time: float) -> float:
+        try:
+            v = float(voltage(time))
+        except (TypeError, ValueError) as error:
+            raise ParameterError(
+                f"{where}: expected a function from a time in s to one voltage in V, got {error}. "
+                "Return a float for a float."
+            ) from error
+        if not math.isfinite(v):
+            raise ParameterError(
+                f"{where}: expected finite volts, got {v} at t = {time:.6g} s. Check the function."
+            )
+        return v
+
+    drive(float(t[0]))
+    return drive
+
+
+def like_input(array: Any) -> Any:
+    """A float for what came from floats, else the array."""
+    return float(array) if np.ndim(array) == 0 else array

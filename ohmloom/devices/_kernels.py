@@ -1,0 +1,97 @@
+"""Compiled entry points: laws by index, and the two pulses that program a cell.
+
+The dispatch is built over `LAWS`, so a new law needs no edit here. Every function takes `law_index` first
+(`LAW_INDEX[name]`), and the law's parameters `p` in declared order as any indexable sequence of floats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ohmloom._jit import inner_kernel, kernel
+from ohmloom.devices._pulse_kernels import build_pulses
+from ohmloom.devices.laws import LAWS
+
+LAW_NAMES: tuple[str, ...] = tuple(LAWS)
+LAW_INDEX: dict[str, int] = {name: index for index, name in enumerate(LAW_NAMES)}
+
+
+def build_conductance(functions: Sequence[Callable[..., Any]], index: int = 0) -> Callable[..., float]:
+    """Chain compiled conductances: the first answers to `index`, the second to the next, and so on."""
+    head = inner_kernel(functions[0])
+    if len(functions) == 1:
+
+        @inner_kernel
+        def last(law_index: int, s: float, v: float, p: Any) -> float:
+            return head(s, v, p) if law_index == index else float("nan")
+
+        return last
+    tail = build_conductance(functions[1:], index + 1)
+
+    @inner_kernel
+    def choose(law_index: int, s: float, v: float, p: Any) -> float:
+        return head(s, v, p) if law_index == index else tail(law_index, s, v, p)
+
+    return choose
+
+
+def build_charge_rate(functions: Sequence[Callable[..., Any]], index: int = 0) -> Callable[..., float]:
+    """Chain compiled charge rates in the same way."""
+    head = inner_kernel(functions[0])
+    if len(functions) == 1:
+
+        @inner_kernel
+        def last(law_index: int, s: float, v: float, i: float, p: Any) -> float:
+            return head(s, v, i, p) if law_index == index else float("nan")
+
+        return last
+    tail = build_charge_rate(functions[1:], index + 1)
+
+    @inner_kernel
+    def choose(law_index: int, s: float, v: float, i: float, p: Any) -> float:
+        return head(s, v, i, p) if law_index == index else tail(law_index, s, v, i, p)
+
+    return choose
+
+
+_conductance = build_conductance([law.conductance for law in LAWS.values()])
+_charge_rate = build_charge_rate([law.charge_rate for law in LAWS.values()])
+_metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate)
+
+
+@kernel
+def conductance(law_index: int, s: float, v: float, p: Any) -> float:
+    """G(s, v) in S; NaN for an index that no law has."""
+    return _conductance(law_index, s, v, p)
+
+
+@kernel
+def charge_rate(law_index: int, s: float, v: float, i: float, p: Any) -> float:
+    """dq/dt in A, before walls; NaN for an index that no law has."""
+    return _charge_rate(law_index, s, v, i, p)
+
+
+@kernel
+def metered_pulse(
+    law_index: int, s: float, p: Any, q_d: float, voltage: float, charge: float
+) -> tuple[float, float, float]:
+    """Hold `voltage` [V] until the transported charge is `charge` [C], of the same sign.
+
+    Returns (s at the end, duration in s, energy in J); NaN if voltage and charge differ in sign, so that
+    the meter never stops.
+    """
+    result: tuple[float, float, float] = _metered_pulse(law_index, s, p, q_d, voltage, charge)
+    return result
+
+
+@kernel
+def current_pulse(
+    law_index: int, s: float, p: Any, q_d: float, current: float, duration: float
+) -> tuple[float, float, float]:
+    """Hold `current` [A], of either sign, for `duration` [s].
+
+    Returns (s at the end, energy in J, largest abs(v) in V).
+    """
+    result: tuple[float, float, float] = _current_pulse(law_index, s, p, q_d, current, duration)
+    return result

@@ -1,0 +1,74 @@
+"""What a law is: a named table of parameters and two small functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+# Floats, arrays and symbols pass through a law alike, so its arguments have no narrower type.
+Value = Any
+Parameters = Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter of a law: its unit, bounds (both allowed) and the scale on which it varies.
+
+    >>> Parameter(name="r_on", unit="Ohm", default=100.0, lower=1e-3, upper=1e9, scale="log", doc="on").unit
+    'Ohm'
+    """
+
+    name: str
+    unit: str
+    default: float
+    lower: float
+    upper: float
+    scale: Literal["log", "linear"]
+    doc: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """A device law in the canonical state `s = q/q_d` in [0, 1].
+
+    Equation: ``i = conductance(s, v, p) v`` and ``ds/dt = charge_rate(s, v, i, p) / charge_scale(p)``, with
+    `p` the parameters in declared order. Current counts positive from the first terminal through the device
+    to the second, `v` is the first terminal's voltage above the second's; positive current never lowers `s`.
+
+    Attributes
+    ----------
+    conductance
+        ``(s, v, p) -> G`` in S, positive, rising with `s`.
+    charge_rate
+        ``(s, v, i, p) -> dq/dt`` in A: the rate of the state charge, before walls.
+    charge_scale
+        ``(p) -> q_d`` in C: the state charge between the two walls.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    conductance: Callable[[Value, Value, Parameters], Any]
+    charge_rate: Callable[[Value, Value, Value, Parameters], Any]
+    charge_scale: Callable[[Parameters], Any]
+    doc: str
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names in declared order, the order of `p`."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+
+def problems(law: Law, values: Sequence[float]) -> list[tuple[str, str]]:
+    """Check parameter `values`, in declared order; returns pairs of a name and "expected ..., got ...."."""
+    found = []
+    for parameter, value in zip(law.parameters, values, strict=True):
+        name, unit, low, high = parameter.name, parameter.unit, parameter.lower, parameter.upper
+        if not low <= value <= high:
+            rule = f"expected {low:.15g} <= {name} <= {high:.15g} {unit}, got {value:.15g} {unit}."
+            found.append((name, f"{rule} {'Raise' if value < low else 'Lower'} it; check its unit."))
+    named = dict(zip(law.parameter_names, values, strict=True))
+    if not found and {"r_on", "r_off"} <= named.keys() and named["r_on"] >= named["r_off"]:
+        rule = f"expected 0 < r_on < r_off = {named['r_off']:.15g} Ohm, got {named['r_on']:.15g} Ohm."
+        found.append(("r_on", f"{rule} Lower r_on or raise r_off."))
+    return found
