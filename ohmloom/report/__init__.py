@@ -1,0 +1,1 @@
+"""Figures, replay and the HTML report."""

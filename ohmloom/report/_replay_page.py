@@ -1,0 +1,134 @@
+"""The replay as one HTML file that plays by itself, without network."""
+
+from __future__ import annotations
+
+import base64
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ohmloom._files import write_atomic
+from ohmloom.report._replay_data import (
+    ACTIONS,
+    IR_COLOUR,
+    KINDS,
+    LIGHT_COLOUR,
+    OUTPUTS,
+    SENSORS,
+    STEPS,
+    ArenaView,
+    Recording,
+    bump_rows,
+    goal_regions,
+    start_region,
+)
+
+# What could end the script element, or a line of JavaScript, is written as a JSON escape.
+ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
+
+
+def replay_html(recording: Recording, arena: ArenaView, path: Path | str) -> None:
+    """Write the player: arena, sensors, spikes and weights, with slider, speed and keys.
+
+    One file with script, style and data inside; positions to 0.1 mm, weights and sensors to 1e-4.
+
+    Raises
+    ------
+    OperationError
+        If the file cannot be written.
+    """
+    write_atomic(path, replay_page(recording, arena))
+
+
+def replay_page(recording: Recording, arena: ArenaView) -> str:
+    """Compose the page that `replay_html` writes."""
+    import jinja2
+    from markupsafe import Markup
+
+    folder = resources.files("ohmloom.report") / "templates"
+    template, script, drawing, style = (
+        folder.joinpath(name).read_text(encoding="utf-8")
+        for name in ("replay.html", "replay.js", "replay_draw.js", "replay.css")
+    )
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+    )
+    return environment.from_string(template).render(
+        name=recording.network_name,
+        summary=recording.summary,
+        last_row=recording.timesteps,
+        actions=ACTIONS,
+        kinds={kind: (KINDS[kind], len(index)) for kind, index in recording.kinds.items()},
+        ir_colour=IR_COLOUR,
+        light_colour=LIGHT_COLOUR,
+        script=Markup(script),
+        drawing=Markup(drawing),
+        style=Markup(style),
+        data=Markup(_json(_data(recording, arena))),
+    )
+
+
+def _data(recording: Recording, arena: ArenaView) -> dict[str, Any]:
+    trial = recording.trial
+    path = np.array(trial.path, dtype=np.float64)
+    path[:, 2] = np.remainder(path[:, 2] + np.pi, 2 * np.pi) - np.pi  # small enough to be packed
+    extra = np.diff(np.asarray(trial.st, dtype=np.int64)) - 1
+    order = [int(i) for index in recording.kinds.values() for i in index]
+    return {
+        "arena": {
+            "half": float(arena.half_width),
+            "box": float(arena.box_half_width),
+            "lamp": np.asarray(arena.lamp, dtype=np.float64).tolist(),
+            "radius": float(arena.robot_radius),
+            "points": np.asarray(arena.sensor_points, dtype=np.float64).tolist(),
+            "bearings": np.asarray(arena.sensor_bearings, dtype=np.float64).tolist(),
+            "range": float(arena.ir_range),
+            "goals": [region.tolist() for region in goal_regions(trial, arena)],
+            "start": start_region(arena).tolist(),
+        },
+        "timesteps": recording.timesteps,
+        "steps": STEPS,
+        "path": _packed(path, 1e-4),
+        "sensors": _packed(trial.sensors, 1e-4),
+        "actions": "".join(str(int(action)) for action in trial.actions),
+        "outputs": _packed(trial.output_spikes, 1.0),
+        "bumps": bump_rows(trial).tolist(),
+        "extra": [[int(row), int(extra[row])] for row in np.flatnonzero(extra)],
+        "spikes": _packed(recording.spikes, 1.0),
+        "weights": _packed(recording.weights[:, order], 1e-4),
+        "names": {
+            "actions": list(ACTIONS),
+            "sensors": list(SENSORS),
+            "outputs": list(OUTPUTS),
+            "neurons": list(recording.neuron_labels),
+            "synapses": [recording.synapse_labels[i] for i in order],
+            "kinds": [recording.synapse_kinds[i] for i in order],
+        },
+        "colours": {
+            "actions": list(ACTIONS.values()),
+            "kinds": KINDS,
+            "ir": IR_COLOUR,
+            "light": LIGHT_COLOUR,
+        },
+    }
+
+
+def _packed(values: npt.ArrayLike, unit: float) -> dict[str, Any]:
+    """Fixed point: little-endian 16-bit multiples of `unit`, or of a larger one if the range asks for it."""
+    array = np.asarray(values, dtype=np.float64)
+    largest = float(np.abs(array).max()) if array.size else 0.0
+    unit = max(unit, largest / 32767)
+    codes = np.round(array / unit).astype("<i2")
+    return {
+        "unit": unit,
+        "columns": int(array.shape[1]),
+        "codes": base64.b64encode(codes.tobytes()).decode("ascii"),
+    }
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).translate(ESCAPES)
