@@ -1,4 +1,4 @@
-"""ohmloom: can this evolved spiking controller be built out of real memristors, and will it still do its job?"""
+"""Can this evolved spiking controller be built out of real memristors, and will it still do its job?"""
 
 import logging
 

@@ -1,7 +1,7 @@
-"""Lazy compilation: numba is imported by the first kernel module that is, and its cache lives in the user's cache.
+"""Lazy compilation: numba comes with the first kernel module, and its cache lives in the user's cache.
 
-The cache folder's name holds a digest of all kernel sources, because numba notices a change in a function but not in
-the functions which that one calls.
+The cache folder's name holds a digest of all kernel sources, because numba notices a change in a function but
+not in the functions which that one calls.
 """
 
 from __future__ import annotations
@@ -38,36 +38,37 @@ import numba  # noqa: E402 - after its cache directory is set
 from numba.core import types  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
 
-COMPILED = not numba.config.DISABLE_JIT
+# Compiled functions keep the type of the plain ones for their callers, which numba's own types would hide.
+_njit: Any = numba.njit
+_intrinsic: Any = intrinsic
+_config: Any = numba.config
+COMPILED = not _config.DISABLE_JIT
 
 
 def kernel(function: F) -> F:
-    """Compile a free function of numbers and arrays; floating point stays strict, so results are reproducible."""
-    compiled: F = numba.njit(cache=True, fastmath=False, nogil=True, error_model="numpy")(function)
+    """Compile a free function of numbers and arrays; floating point stays strict, so results repeat."""
+    compiled: F = _njit(cache=True, fastmath=False, nogil=True, error_model="numpy")(function)
     return compiled
 
 
 def inner_kernel(function: F) -> F:
     """Compile a closure that only other kernels call; it is compiled into them and not cached by itself."""
-    compiled: F = numba.njit(cache=False, fastmath=False, nogil=True, error_model="numpy")(function)
+    compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy")(function)
     return compiled
 
 
-if COMPILED:
+def _lowest_bit_plain(mask: int) -> int:
+    return (int(mask) & -int(mask)).bit_length() - 1
 
-    @intrinsic  # type: ignore[untyped-decorator]
-    def lowest_bit(typingctx: Any, mask: Any) -> Any:  # noqa: ARG001
-        """Index of the lowest set bit of a non-zero int64 mask."""
 
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
-            from llvmlite import ir
+def _lowest_bit_compiled(typingctx: Any, mask: Any) -> Any:
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        from llvmlite import ir  # type: ignore[import-untyped]
 
-            return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
 
-        return types.int64(types.int64), codegen
+    return types.int64(types.int64), codegen
 
-else:
 
-    def lowest_bit(mask: int) -> int:
-        """Index of the lowest set bit of a non-zero int64 mask."""
-        return (int(mask) & -int(mask)).bit_length() - 1
+# Index of the lowest set bit of a non-zero int64 mask.
+lowest_bit: Callable[[int], int] = _intrinsic(_lowest_bit_compiled) if COMPILED else _lowest_bit_plain

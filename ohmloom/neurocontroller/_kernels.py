@@ -1,4 +1,4 @@
-"""Compiled discrete controller: a bit-mask form for up to 62 neurons and the default rule, a general form for the rest.
+"""Compiled discrete controller: bit masks up to 62 neurons with the default rule, else a general form.
 
 Both equal ``plain`` spike for spike. Sums run in ascending order of the presynaptic neuron, from 0.0.
 """
@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmloom._arrays import FloatArray, IntArray
 from ohmloom._jit import kernel, lowest_bit
 
 INPUTS = 6
@@ -66,7 +67,7 @@ class ControllerState(NamedTuple):
 
 
 @kernel
-def membrane(y, current, bias, b, clamp):
+def membrane(y: float, current: float, bias: float, b: float, clamp: bool) -> float:
     """Eq. 3."""
     y = y + (current + bias - b * y)
     if clamp and y < 0.0:
@@ -75,7 +76,7 @@ def membrane(y, current, bias, b, clamp):
 
 
 @kernel
-def classify(left, right, high_count):
+def classify(left: int, right: int, high_count: int) -> int:
     """Eq. 6 and Section VIII-A."""
     first_high, second_high = left >= high_count, right >= high_count
     if first_high == second_high:
@@ -84,7 +85,7 @@ def classify(left, right, high_count):
 
 
 @kernel
-def reset_activity(w, s):
+def reset_activity(w: Wiring, s: ControllerState) -> None:
     s.y[:] = w.c_ini
     s.masks[:] = 0
     s.waves[:] = 0
@@ -94,7 +95,7 @@ def reset_activity(w, s):
 
 
 @kernel
-def reset(w, s):
+def reset(w: Wiring, s: ControllerState) -> None:
     reset_activity(w, s)
     s.weight[:] = w.first_weight
     s.level[:] = w.first_level
@@ -102,7 +103,10 @@ def reset(w, s):
 
 
 @kernel
-def _move(sign, kind, tables, up, down, weight, level, events, post, pre, positive):
+def _move(
+    sign: FloatArray, kind: np.ndarray, tables: FloatArray, up: np.ndarray, down: np.ndarray,
+    weight: FloatArray, level: np.ndarray, events: IntArray, post: int, pre: int, positive: bool,
+) -> None:  # fmt: skip
     row = kind[post, pre]
     now = level[post, pre]
     now = up[row, now] if positive else down[row, now]
@@ -112,8 +116,11 @@ def _move(sign, kind, tables, up, down, weight, level, events, post, pre, positi
 
 
 @kernel
-def stdp_masked(plastic, sign, kind, tables, up, down, weight, level, events, new, old):
-    """Eqs. 10 and 11 with ls = 3 for `new` spikes and ls = 2 for `old` ones: only these pairs exceed 4 unequally."""
+def stdp_masked(
+    plastic: IntArray, sign: FloatArray, kind: np.ndarray, tables: FloatArray, up: np.ndarray,
+    down: np.ndarray, weight: FloatArray, level: np.ndarray, events: IntArray, new: int, old: int,
+) -> None:  # fmt: skip
+    """Eqs. 10 and 11: ls = 3 for `new` spikes, 2 for `old` ones; only these pairs exceed 4 unequally."""
     posts = new
     while posts != 0:
         post = lowest_bit(posts)
@@ -133,7 +140,7 @@ def stdp_masked(plastic, sign, kind, tables, up, down, weight, level, events, ne
 
 
 @kernel
-def _run_masked(w, s, sensors, spiked, steps):
+def _run_masked(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
     # Fields are taken out once: reading them from the tuple in the loop would count references every time.
     direct, descending, ascending, plastic = w.direct, w.descending, w.ascending, w.plastic
     sign, kind, tables, up, down = w.sign, w.kind, w.tables, w.up, w.down
@@ -159,7 +166,7 @@ def _run_masked(w, s, sensors, spiked, steps):
                 spikes |= 1 << j
                 spiked[j] += 1
             y_all[j] = y
-        # A spike travels one neuron per step, so each wave is the neighbour's last wave plus the neighbour's spike.
+        # A spike travels one neuron per step: each wave is the neighbour's last wave plus its spike.
         for j in range(INPUTS, first_output - 1):
             waves[0, j] = waves[0, j + 1] | (spikes & (1 << (j + 1)))
         for j in range(first_output - 1, INPUTS, -1):
@@ -170,7 +177,7 @@ def _run_masked(w, s, sensors, spiked, steps):
 
 
 @kernel
-def stdp_general(w, s):
+def stdp_general(w: Wiring, s: ControllerState) -> None:
     """Eqs. 10 and 11 for any last_spike and threshold, then the decay of ls."""
     for post in range(INPUTS, w.neurons):
         for k in range(w.starts[post], w.starts[post + 1]):
@@ -179,14 +186,26 @@ def stdp_general(w, s):
                 ls_pre, ls_post = s.ls[pre], s.ls[post]
                 if ls_pre + ls_post > w.stdp_threshold and ls_pre != ls_post:
                     positive = ls_post > ls_pre
-                    _move(w.sign, w.kind, w.tables, w.up, w.down, s.weight, s.level, s.events, post, pre, positive)
+                    _move(
+                        w.sign,
+                        w.kind,
+                        w.tables,
+                        w.up,
+                        w.down,
+                        s.weight,
+                        s.level,
+                        s.events,
+                        post,
+                        pre,
+                        positive,
+                    )
     for j in range(w.neurons):
         if s.ls[j] > 0:
             s.ls[j] -= 1
 
 
 @kernel
-def _step_general(w, s, sensors, spiked):
+def _step_general(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray) -> None:
     slots = s.ring.shape[0]
     now = s.clock[0]
     slot = now % slots
@@ -218,7 +237,7 @@ def _step_general(w, s, sensors, spiked):
 
 
 @kernel
-def run_steps(w, s, sensors, spiked, steps):
+def run_steps(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
     """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike."""
     if w.masked:
         _run_masked(w, s, sensors, spiked, steps)
@@ -228,7 +247,7 @@ def run_steps(w, s, sensors, spiked, steps):
 
 
 @kernel
-def timestep(w, s, sensors, spiked):
+def timestep(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray) -> int:
     """21 steps; `spiked` (neuron,) becomes the spike counts. Returns the action."""
     if not w.carry:
         reset_activity(w, s)

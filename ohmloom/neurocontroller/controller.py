@@ -87,6 +87,10 @@ class SpikingController:
         """One single step; which neurons spiked, axes (neuron,). For comparisons step by step."""
         return self._run.step(checked_sensors("SpikingController.spikes", sensors))
 
+    def begin_timestep(self) -> None:
+        """What `step` does before its 21 steps: a network that does not carry its state over starts anew."""
+        self._run.begin_timestep()
+
     @property
     def output_spikes(self) -> IntArray:
         """Spikes of the left and the right output in the last timestep, (2,), each 0 to 21."""
@@ -120,9 +124,12 @@ class SpikingController:
 
 def checked_sensors(where: str, sensors: Any) -> FloatArray:
     """Sensor values as an array, or an error that says which rule they break."""
-    values = np.asarray(sensors, dtype=np.float64)
+    try:
+        values = np.asarray(sensors, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
     if values.shape != (INPUTS,) or not ((values >= 0.0) & (values <= 1.0)).all():
-        raise ParameterError(f"{where}: expected 6 sensor values in [0, 1], got {values!r}. "
+        raise ParameterError(f"{where}: expected 6 sensor values in [0, 1], got {sensors!r}. "
                              "Order: IR 0, 2, 5, light 0, 2, 5.")  # fmt: skip
     return values
 
@@ -142,6 +149,10 @@ class _Compiled:
 
     def timestep(self, sensors: FloatArray) -> int:
         return int(self._kernels.timestep(self._wiring, self._state, sensors, self._counts))
+
+    def begin_timestep(self) -> None:
+        if not self._wiring.carry:
+            self._kernels.reset_activity(self._wiring, self._state)
 
     def step(self, sensors: FloatArray) -> npt.NDArray[np.bool_]:
         spiked = np.zeros(self._network.neurons, dtype=np.int64)
@@ -184,6 +195,9 @@ class _Plain:
         action = self._plain.timestep([float(x) for x in sensors])
         self._counts[:] = self._plain.counts
         return action
+
+    def begin_timestep(self) -> None:
+        self._plain.begin_timestep()
 
     def step(self, sensors: FloatArray) -> npt.NDArray[np.bool_]:
         return np.array(self._plain.step([float(x) for x in sensors]))

@@ -1,7 +1,8 @@
 """The kinds of synapse: how a plastic weight follows from its charge, exactly, on an integer lattice.
 
-The charge of the paper (R_on = 0.01, R_off = 1, beta = 100, q_max = 0.99, 1000 events from end to end) is counted in
-units in which the start value, the event and q_max are all integers, so that weights are the same bits everywhere.
+The charge of the paper (R_on = 0.01, R_off = 1, beta = 100, q_max = 0.99, 1000 events from end to end) is
+counted in units in which the start value, the event and q_max are all integers, so that weights are the same
+bits everywhere.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The evolved network: which neurons, which synapses of which kind; read from and written to ``*.net.json``."""
+"""The evolved network: which neurons, which synapses of which kind; reads and writes ``*.net.json``."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydantic import Field
 
 from ohmloom import __version__
 from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, sha256, validate, write_atomic
-from ohmloom.errors import FileFormatError, UnknownNameError
+from ohmloom.errors import FileFormatError, ParameterError, UnknownNameError
 from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, KINDS, SYSTEMS
 from ohmloom.neurocontroller.readings import Readings
 
@@ -82,8 +82,8 @@ class Network:
     system: str
     hidden: tuple[str, ...]
     synapses: tuple[Synapse, ...]
-    readings: Readings = Readings()
-    adaptation: Adaptation = Adaptation()
+    readings: Readings = field(default_factory=Readings)
+    adaptation: Adaptation = field(default_factory=Adaptation)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "network"
 
@@ -104,7 +104,7 @@ class Network:
         return abs(synapse.pre - synapse.post) if is_lateral and self.readings.hidden_delay == "index" else 1
 
     def inbound(self) -> list[list[int]]:
-        """For each neuron the indices of its inbound synapses, in ascending order of the presynaptic neuron."""
+        """For each neuron the indices of its inbound synapses, ascending by presynaptic neuron."""
         groups: list[list[int]] = [[] for _ in range(self.neurons)]
         for k in sorted(range(len(self.synapses)), key=lambda k: self.synapses[k].pre):
             groups[self.synapses[k].post].append(k)
@@ -147,13 +147,24 @@ class Network:
         ------
         UnknownNameError
             If `system` is not one of HP, PEO, LIN, GA, HET.
+        ParameterError
+            If `hidden` is less than 1 or `enable_probability` is not in [0, 1].
         """
         from ohmloom.neurocontroller.variation import random_network
 
         if system not in SYSTEMS:
             raise UnknownNameError.of("Network.random.system", system, SYSTEMS)
+        if hidden < 1:
+            raise ParameterError(f"Network.random.hidden: expected at least 1, got {hidden}. Raise it.")
+        if not 0.0 <= enable_probability <= 1.0:
+            raise ParameterError(f"Network.random.enable_probability: expected a number in [0, 1], "
+                                 f"got {enable_probability}. Correct it.")  # fmt: skip
         return random_network(
-            system, rng=rng, hidden=hidden, enable_probability=enable_probability, readings=readings or Readings()
+            system,
+            rng=rng,
+            hidden=hidden,
+            enable_probability=enable_probability,
+            readings=readings or Readings(),
         )
 
     @classmethod
@@ -189,12 +200,26 @@ class Network:
 
     def to_json(self) -> str:
         """The text of the network's file: complete readings, one synapse a line."""
-        table: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": self.name, "system": self.system}
+        table: dict[str, Any] = {
+            "format": FORMAT,
+            "version": VERSION,
+            "name": self.name,
+            "system": self.system,
+        }
         table |= {"readings": self.readings.model_dump(), "inputs": INPUTS, "hidden": list(self.hidden)}
-        table |= {"outputs": OUTPUTS, "synapses": "@", "adaptation": self.adaptation.model_dump(exclude_none=True)}
+        table |= {
+            "outputs": OUTPUTS,
+            "synapses": "@",
+            "adaptation": self.adaptation.model_dump(exclude_none=True),
+        }
         table["provenance"] = {"ohmloom": __version__, **self.provenance}
         rows = ",\n  ".join(json.dumps(s._asdict()) for s in self.synapses)
-        return json.dumps(table, indent=1).replace('"@"', f"[\n  {rows}\n ]" if rows else "[]") + "\n"
+        # A newline and one space stand only before a key of the table itself, so no value can be mistaken for it.
+        entry = '\n "synapses": '
+        text = json.dumps(table, indent=1).replace(
+            f'{entry}"@"', entry + (f"[\n  {rows}\n ]" if rows else "[]")
+        )
+        return text + "\n"
 
     def save(self, path: Path | str) -> None:
         """Write the network's file, whole or not at all."""
@@ -251,7 +276,12 @@ def _why_illegal(pre: int, post: int, hidden: int, lateral: str) -> str | None:
 
 
 def _check(network: Network, where: str) -> None:
+    if network.system not in SYSTEMS:
+        raise UnknownNameError.of(f"{where}.system", network.system, SYSTEMS)
     problems = []
+    if not network.hidden or not {*network.hidden} <= {*get_args(Polarity)}:
+        problems.append(f"{where}.hidden: expected 'excitatory' or 'inhibitory' for at least one neuron, "
+                        f"got {network.hidden}. Correct it.")  # fmt: skip
     seen: dict[tuple[int, int], int] = {}
     allowed = SYSTEMS[network.system]
     for k, synapse in enumerate(network.synapses):
@@ -261,14 +291,20 @@ def _check(network: Network, where: str) -> None:
             problems.append(f"{field_name}: expected {rule}, got {synapse.pre} -> {synapse.post}. Remove it.")
         if (synapse.pre, synapse.post) in seen:
             first = seen[synapse.pre, synapse.post]
-            problems.append(f"{field_name}: expected each pair of neurons once, got {synapse.pre} -> {synapse.post}, "
+            pair = f"{synapse.pre} -> {synapse.post}"
+            problems.append(f"{field_name}: expected each pair of neurons once, got {pair}, "
                             f"which synapses[{first}] is too. Remove one.")  # fmt: skip
         seen[synapse.pre, synapse.post] = k
         if synapse.kind not in allowed:
-            problems.append(f"{field_name}.kind: expected {' or '.join(allowed)} in a {network.system} network, "
-                            f"got {synapse.kind!r}. Change the kind or the system.")  # fmt: skip
+            rule = f"{' or '.join(allowed)} in a {network.system} network"
+            problems.append(f"{field_name}.kind: expected {rule}, got {synapse.kind!r}. "
+                            "Change the kind or the system.")  # fmt: skip
         elif synapse.kind != "constant" and synapse.weight != INITIAL_WEIGHT:
             problems.append(f"{field_name}.weight: expected {INITIAL_WEIGHT} for a plastic synapse, "
                             f"got {synapse.weight}. Set it to {INITIAL_WEIGHT}.")  # fmt: skip
+        elif not 0.0 <= synapse.weight <= 1.0:
+            problems.append(
+                f"{field_name}.weight: expected a number in [0, 1], got {synapse.weight}. Correct it."
+            )
     if problems:
         raise FileFormatError(*problems)

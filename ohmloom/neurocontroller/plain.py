@@ -1,4 +1,4 @@
-"""The discrete controller as a page that reads like the paper (Sections IV and V); slow, and the oracle of the fast one."""
+"""The discrete controller as a page that reads like the paper (Sections IV and V): slow, and an oracle."""
 
 from __future__ import annotations
 
@@ -61,13 +61,17 @@ class PlainController:
 
     def timestep(self, sensors: Sequence[float]) -> int:
         """21 steps with constant sensor values; the action."""
-        if not self.readings.carry_state:
-            self._reset_activity()
+        self.begin_timestep()
         self.counts = [0] * self.network.neurons
         for _ in range(STEPS_PER_TIMESTEP):
             spiked = self.step(sensors)
             self.counts = [count + spike for count, spike in zip(self.counts, spiked, strict=True)]
         return classify(self.counts[-2:], self.readings.high_count)
+
+    def begin_timestep(self) -> None:
+        """A network that does not carry its state over starts every timestep anew, weights excepted."""
+        if not self.readings.carry_state:
+            self._reset_activity()
 
     def step(self, sensors: Sequence[float]) -> list[bool]:
         """One step, all neurons at once; which neurons spiked."""
@@ -82,7 +86,9 @@ class PlainController:
                 for k in self.inbound[j]:  # ascending presynaptic index
                     if k in arrived:
                         sent = arrived[k]
-                        total += self.network.sign(synapses[k].pre) * (self.weights[k] if sent is None else sent)
+                        total += self.network.sign(synapses[k].pre) * (
+                            self.weights[k] if sent is None else sent
+                        )
                 current = r.synapse_gain * total
             bias = r.a if j >= INPUTS or r.input_bias else 0.0
             self.y[j], spiked[j] = membrane(self.y[j], current, bias, r)

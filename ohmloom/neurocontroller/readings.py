@@ -1,4 +1,4 @@
-"""The controller's settings: every place where the paper leaves a choice, by name, with the default reading."""
+"""The controller's settings: each choice that the paper leaves, by name, with the default reading."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ STEPS_PER_TIMESTEP = 21  # Section IX: output window size
 
 
 class Readings(StrictModel):
-    """Settings of the discrete controller; the defaults are those of Sections IV, V and IX where these are explicit.
+    """Settings of the discrete controller; defaults follow Sections IV, V and IX where these are explicit.
 
     Attributes
     ----------
     lateral
-        Which synapses are legal inside the hidden layer: from a higher to a lower index (``descending``, the letter
-        of eq. 5), ``ascending``, or ``both``.
+        Which synapses are legal inside the hidden layer: from a higher to a lower index (``descending``, the
+        letter of eq. 5), ``ascending``, or ``both``.
     synapse_gain
         What one spike adds to the membrane is ``synapse_gain * sign * W``; dimensionless, > 0.
     a, b, c, c_ini, y_thresh

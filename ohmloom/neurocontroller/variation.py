@@ -1,4 +1,4 @@
-"""Births and mutations (Sections VI and VII), in the order: adapt, redraw, add or remove a neuron, toggle, switch."""
+"""Births and mutations (Sections VI and VII): adapt, redraw, add or remove a neuron, toggle, switch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Pairs = dict[tuple[int, int], tuple[str, float]]
 def random_network(
     system: str, *, rng: np.random.Generator, hidden: int, enable_probability: float, readings: Readings
 ) -> Network:
-    """A network as at the start of evolution: each legal synapse with `enable_probability`, random polarities."""
+    """A network as at the start of evolution: random polarities, synapses with `enable_probability`."""
     rates = {name: max(float(rng.uniform(0.0, top)), RATE_FLOOR) for name, top in INITIAL_RANGES.items()}
     polarities = tuple(_polarity(rng) for _ in range(hidden))
     enabled: Pairs = {}

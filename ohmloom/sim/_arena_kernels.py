@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmloom._arrays import FloatArray
 from ohmloom._jit import kernel
 
 FORWARD, LEFT, RIGHT = 0, 1, 2
@@ -55,13 +56,13 @@ class RobotState(NamedTuple):
     """What changes during a trial."""
 
     pose: np.ndarray  # [x, y, heading]
-    count: np.ndarray  # [st, bumps, part, executed timesteps, done]
+    count: np.ndarray  # type: ignore[assignment]  # [st, bumps, part, executed timesteps, done]
     best: np.ndarray  # [best fitness]
 
 
 @kernel
-def philox(key, counter0, counter1):
-    """Philox4x32-10 (Salmon et al., SC 2011) for the counter (counter0, counter1, 0, 0); four 32-bit words."""
+def philox(key: np.uint64, counter0: int, counter1: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """Philox4x32-10 (Salmon et al., SC 2011), counter (counter0, counter1, 0, 0); four 32-bit words."""
     low = np.uint64(0xFFFFFFFF)
     shift = np.uint64(32)
     c0, c1, c2, c3 = np.uint64(counter0), np.uint64(counter1), np.uint64(0), np.uint64(0)
@@ -76,14 +77,14 @@ def philox(key, counter0, counter1):
 
 
 @kernel
-def uniform(word):
+def uniform(word: np.uint64) -> float:
     """A 32-bit word as a number in (0, 1)."""
     return (np.float64(word) + 0.5) * 2.3283064365386963e-10
 
 
 @kernel
-def _segment_hits_box(x0, y0, dx, dy, half):
-    """Entry of the ray (x0, y0) + t (dx, dy), t >= 0, into the square [-half, half]^2; infinity if it misses."""
+def _segment_hits_box(x0: float, y0: float, dx: float, dy: float, half: float) -> float:
+    """Where the ray (x0, y0) + t (dx, dy), t >= 0, enters [-half, half]^2; infinity if it misses."""
     enter, leave = 0.0, math.inf
     for start, step in ((x0, dx), (y0, dy)):
         if step == 0.0:
@@ -96,7 +97,7 @@ def _segment_hits_box(x0, y0, dx, dy, half):
 
 
 @kernel
-def ray_distance(world, x, y, dx, dy):
+def ray_distance(world: World, x: float, y: float, dx: float, dy: float) -> float:
     """Distance in m from a point inside the walls to the nearest surface in the unit direction (dx, dy)."""
     distance = math.inf
     for start, step in ((x, dx), (y, dy)):
@@ -109,7 +110,7 @@ def ray_distance(world, x, y, dx, dy):
 
 
 @kernel
-def sense(world, state, key, sensors):
+def sense(world: World, state: RobotState, key: np.uint64, sensors: FloatArray) -> None:
     """Fill `sensors` (6,): IR 0, 2, 5, then light 0, 2, 5, each in [0, 1]."""
     x, y, heading = state.pose[0], state.pose[1], state.pose[2]
     cos_h, sin_h = math.cos(heading), math.sin(heading)
@@ -127,10 +128,9 @@ def sense(world, state, key, sensors):
         lx, ly = world.lamp_x - px, world.lamp_y - py
         square = lx * lx + ly * ly + world.lamp_height * world.lamp_height
         cosine = (lx * dx + ly * dy) / math.sqrt(square)
-        if cosine > 0.0 and world.shadow:
-            # t = 1 is the lamp, so an entry before it is a shadow.
-            if _segment_hits_box(px, py, lx, ly, world.box_half_width) < 1.0:
-                cosine = 0.0
+        # t = 1 is the lamp, so an entry before it is a shadow.
+        if cosine > 0.0 and world.shadow and _segment_hits_box(px, py, lx, ly, world.box_half_width) < 1.0:
+            cosine = 0.0
         lit = max(0.0, cosine) * world.lamp_power / (4.0 * math.pi * square) / world.light_saturation
         sensors[3 + k] = min(1.0, lit)
     if world.dynamic:
@@ -138,7 +138,7 @@ def sense(world, state, key, sensors):
 
 
 @kernel
-def _add_noise(world, executed, key, sensors):
+def _add_noise(world: World, executed: int, key: np.uint64, sensors: FloatArray) -> None:
     ir = philox(key, executed, IR_NOISE)
     light = philox(key, executed, LIGHT_NOISE)
     dark, lit = world.light_dark, world.light_lit
@@ -151,7 +151,7 @@ def _add_noise(world, executed, key, sensors):
 
 
 @kernel
-def touches(world, x, y):
+def touches(world: World, x: float, y: float) -> bool:
     """Whether the robot's disc at (x, y) would overlap a wall or the box."""
     r = world.robot_radius
     if max(abs(x), abs(y)) > world.half_width - r:
@@ -162,8 +162,8 @@ def touches(world, x, y):
 
 
 @kernel
-def move(world, state, key, action):
-    """Carry out an action for one timestep, bump included; st and the number of executed timesteps advance."""
+def move(world: World, state: RobotState, key: np.uint64, action: int) -> None:
+    """Carry out an action for one timestep, bump included; st and the executed timesteps advance."""
     left = right = world.speed * world.timestep
     if action == LEFT:
         left *= 0.5
@@ -201,10 +201,10 @@ def move(world, state, key, action):
 
 
 @kernel
-def _back_off(world, state):
-    """Section VIII-A: reverse 10 cm, as far as it is free, at a cost of 10 timesteps; the move itself is undone."""
+def _back_off(world: World, state: RobotState) -> None:
+    """Section VIII-A: reverse 10 cm, as far as it is free, for 10 timesteps; the move itself is undone."""
     dx, dy = math.cos(state.pose[2]), math.sin(state.pose[2])
-    pieces = int(round(world.reverse_distance / world.reverse_piece))
+    pieces = round(world.reverse_distance / world.reverse_piece)
     for _ in range(pieces):
         x, y = state.pose[0] - world.reverse_piece * dx, state.pose[1] - world.reverse_piece * dy
         if touches(world, x, y):
@@ -215,7 +215,7 @@ def _back_off(world, state):
 
 
 @kernel
-def place(world, state, key):
+def place(world: World, state: RobotState, key: np.uint64) -> None:
     """Uniform in the corner x + y < start_line, facing north (+y)."""
     words = philox(key, 0, START)
     u, v = uniform(words[0]), uniform(words[1])
@@ -228,14 +228,14 @@ def place(world, state, key):
 
 
 @kernel
-def begin(world, state, key):
+def begin(world: World, state: RobotState, key: np.uint64) -> None:
     place(world, state, key)
     state.count[:] = 0
     state.best[0] = FITNESS_FLOOR
 
 
 @kernel
-def judge(world, state, key):
+def judge(world: World, state: RobotState, key: np.uint64) -> None:
     """Reward at the end of a timestep (eq. 14; Section XII for the dynamic task)."""
     x, y, st = state.pose[0], state.pose[1], state.count[0]
     if not world.dynamic:

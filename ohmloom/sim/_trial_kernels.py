@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from ohmloom._arrays import FloatArray, IntArray
 from ohmloom._jit import kernel
-from ohmloom.neurocontroller._kernels import reset, timestep
-from ohmloom.sim._arena_kernels import begin, judge, move, sense
+from ohmloom.neurocontroller._kernels import ControllerState, Wiring, reset, timestep
+from ohmloom.sim._arena_kernels import RobotState, World, begin, judge, move, sense
 
 
 @kernel
-def run(world, robot, key, wiring, controller, counts, sensors, action_delay, record, path, st, seen, acted, spikes):
-    """Run until the goal or the end; fills the recording arrays if `record`. Returns the executed timesteps."""
+def run(
+    world: World, robot: RobotState, key: np.uint64, wiring: Wiring, controller: ControllerState,
+    counts: IntArray, sensors: FloatArray, action_delay: int, record: bool,
+    path: FloatArray, st: IntArray, seen: FloatArray, acted: IntArray, spikes: IntArray,
+) -> int:  # fmt: skip
+    """Run until the goal or the end, recording if `record`. Returns the executed timesteps."""
     reset(wiring, controller)
     begin(world, robot, key)
     delayed = 0

@@ -1,4 +1,4 @@
-"""The arena and the Khepera II robot (Section VIII): constants with their sources, and what a controller can do in it."""
+"""The arena and the Khepera II robot (Section VIII): constants with their sources."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ohmloom.errors import ParameterError
 if TYPE_CHECKING:
     from ohmloom.sim._arena_kernels import World
 
-# Webots' Khepera2.proto (projects/robots/k-team/khepera2): poses of the sensors 0, 2 and 5, x forward, y left.
+# Webots' Khepera2.proto (projects/robots/k-team/khepera2): sensors 0, 2 and 5, x forward, y left.
 SENSOR_POINTS = ((0.015, 0.027), (0.029, 0.007), (0.015, -0.027))
 SENSOR_BEARINGS = (math.radians(63.2), 0.0, math.radians(-68.5))
 Task = Literal["static", "dynamic"]
@@ -27,7 +27,7 @@ class Arena:
     Attributes
     ----------
     task
-        ``static``: reach x + y >= goal. ``dynamic``: then y - x >= goal, with noise and wheel slip (Section XII).
+        ``static``: reach x + y >= goal. ``dynamic``: then y - x >= goal, noise, wheel slip (Section XII).
     half_width, box_half_width
         Walls at +-half_width, box from -box_half_width to +box_half_width, both in x and y [m].
     lamp, lamp_height, lamp_power
@@ -39,7 +39,7 @@ class Arena:
     ir_range
         Distance at which the infrared reading reaches 0 [m].
     sensor_points, sensor_bearings
-        (3, 2) positions on the body, x forward and y left [m]; (3,) axes, counter-clockwise from forward [rad].
+        (3, 2) positions on the body, x forward, y left [m]; (3,) axes, counter-clockwise from forward [rad].
     robot_radius, axle, speed, timestep
         Body radius, distance between wheels [m], full wheel speed [m/s], length of a timestep [s].
     reverse_distance, reverse_piece, bump_cost
@@ -83,7 +83,10 @@ class Arena:
     second_part_start: Literal["goal", "start"] = "goal"
 
     def __post_init__(self) -> None:
-        for name, axes in (("sensor_points", ("sensor=3", "coordinate=2")), ("sensor_bearings", ("sensor=3",))):
+        for name, axes in (
+            ("sensor_points", ("sensor=3", "coordinate=2")),
+            ("sensor_bearings", ("sensor=3",)),
+        ):
             object.__setattr__(self, name, frozen_array(f"Arena.{name}", getattr(self, name), axes))
         choices = {"task": ("static", "dynamic"), "slip_mode": ("stall", "uniform"),
                    "second_part_start": ("goal", "start")}  # fmt: skip
@@ -91,22 +94,33 @@ class Arena:
             if getattr(self, name) not in allowed:
                 raise ParameterError(f"Arena.{name}: expected {' or '.join(map(repr, allowed))}, "
                                      f"got {getattr(self, name)!r}. Use one of these.")  # fmt: skip
-        for name in ("robot_radius", "axle", "speed", "timestep", "ir_range", "light_saturation", "reverse_piece"):
+        for name in (
+            "robot_radius",
+            "axle",
+            "speed",
+            "timestep",
+            "ir_range",
+            "light_saturation",
+            "reverse_piece",
+        ):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ParameterError(f"Arena.{name}: expected a finite number > 0, got {value}. Correct it.")
         for name in ("slip", "ir_noise", "light_noise"):
             if not 0.0 <= getattr(self, name) < 1.0:
-                raise ParameterError(f"Arena.{name}: expected a fraction in [0, 1), got {getattr(self, name)}. "
-                                     "Correct it.")  # fmt: skip
-        if self.half_width - self.box_half_width <= 2 * self.robot_radius:
+                value = getattr(self, name)
+                raise ParameterError(f"Arena.{name}: expected a fraction in [0, 1), got {value}. Correct it.")
+        gap = self.half_width - self.box_half_width
+        if gap <= 2 * self.robot_radius:
             raise ParameterError(f"Arena.box_half_width: expected a gap to the wall wider than the robot, "
-                                 f"got {self.half_width - self.box_half_width} m. Make the box smaller.")  # fmt: skip
+                                 f"got {gap} m. Make the box smaller.")  # fmt: skip
         if self.start_line <= 2 * (self.robot_radius - self.half_width):
             raise ParameterError(f"Arena.start_line: expected a line that leaves room to start, "
                                  f"got {self.start_line} m. Raise it.")  # fmt: skip
         if self.max_timesteps < 1:
-            raise ParameterError(f"Arena.max_timesteps: expected at least 1, got {self.max_timesteps}. Raise it.")
+            raise ParameterError(
+                f"Arena.max_timesteps: expected at least 1, got {self.max_timesteps}. Raise it."
+            )
 
     @classmethod
     def paper(cls, *, task: Task = "static") -> Arena:
@@ -127,10 +141,10 @@ class Arena:
 
         return World(
             self.task == "dynamic", self.half_width, self.box_half_width, *self.lamp, self.lamp_height,
-            self.lamp_power, self.light_saturation, self.light_dark, self.light_lit, self.shadow, self.ir_range,
-            self.sensor_points, self.sensor_bearings, self.robot_radius, self.axle, self.speed, self.timestep,
-            self.reverse_distance, self.reverse_piece, self.bump_cost, self.start_line, self.goal,
-            self.max_timesteps, self.ir_noise, self.light_noise,
+            self.lamp_power, self.light_saturation, self.light_dark, self.light_lit, self.shadow,
+            self.ir_range, self.sensor_points, self.sensor_bearings, self.robot_radius, self.axle,
+            self.speed, self.timestep, self.reverse_distance, self.reverse_piece, self.bump_cost,
+            self.start_line, self.goal, self.max_timesteps, self.ir_noise, self.light_noise,
             SLIP_STALL if self.slip_mode == "stall" else SLIP_UNIFORM, self.slip,
             self.second_part_start == "start",
         )  # fmt: skip

@@ -45,7 +45,7 @@ class EvolutionSettings(StrictModel):
     starts
         Fitness is the mean over this many starts; 1 is the paper's.
     reevaluate
-        Whether a parent is tried again on fresh starts each time it is used; its fitness is the mean over all.
+        Whether a parent is tried again on fresh starts each time it is used; fitness is the mean over all.
     task, shadow, slip_mode, second_part_start
         Settings of the arena.
     enable_probability
@@ -71,13 +71,16 @@ class EvolutionSettings(StrictModel):
     def arena(self) -> Arena:
         """The arena of these settings."""
         return Arena(
-            task=self.task, shadow=self.shadow, slip_mode=self.slip_mode, second_part_start=self.second_part_start
+            task=self.task,
+            shadow=self.shadow,
+            slip_mode=self.slip_mode,
+            second_part_start=self.second_part_start,
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Repeat:
-    """Outcome of one repeat: its best network's file, fitness, success, and when the goal was first reached."""
+    """Outcome of one repeat: best network's file, fitness, success, and when the goal was first reached."""
 
     repeat: int
     best_fitness: float
@@ -150,11 +153,13 @@ def _claim(folder: Path, settings: EvolutionSettings) -> None:
         found = parse_json(read_bytes(path, "run"), str(path))
         difference = _first_difference(found, json.loads(json.dumps(wanted)), "")
         if difference:
-            raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the settings of that run.")
+            raise SettingsConflictError(
+                f"{path}: {difference}. Use another --out, or the settings of that run."
+            )
         return
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, got one with other files. "
-                                    "Use another --out.")  # fmt: skip
+        raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, "
+                                    "got one with other files. Use another --out.")  # fmt: skip
     write_atomic(path, json.dumps(wanted, indent=1) + "\n")
 
 
@@ -186,7 +191,9 @@ def _run_repeat(
     checkpoint = folder / "populations" / f"{_stem(settings, repeat)}.json"
     key = (list(SYSTEMS).index(settings.system), repeat)
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    population = PopulationState(settings.arena(), rng, starts=settings.starts, reevaluate=settings.reevaluate)
+    population = PopulationState(
+        settings.arena(), rng, starts=settings.starts, reevaluate=settings.reevaluate
+    )
     rows: list[dict[str, float]] = []
     if checkpoint.exists():
         saved = parse_json(read_bytes(checkpoint, "checkpoint"), str(checkpoint))
@@ -195,7 +202,8 @@ def _run_repeat(
             rows = saved["rows"]
         except (KeyError, TypeError, ValueError) as error:
             raise FileFormatError(
-                f"{checkpoint}: expected a checkpoint of this run, got one without {error}. Delete it to redo this repeat."
+                f"{checkpoint}: expected a checkpoint of this run, got one without {error}. "
+                "Delete it to redo this repeat."
             ) from error
     else:
         population.found(settings.system, settings.population, settings.enable_probability, settings.readings)
@@ -222,7 +230,11 @@ def _run_repeat(
 
 
 def _publish(
-    settings: EvolutionSettings, folder: Path, repeat: int, population: PopulationState, rows: list[dict[str, float]]
+    settings: EvolutionSettings,
+    folder: Path,
+    repeat: int,
+    population: PopulationState,
+    rows: list[dict[str, float]],
 ) -> None:
     write_atomic(folder / "tables" / f"{_stem(settings, repeat)}.csv", _csv(rows))
     best = population.best()
@@ -253,19 +265,23 @@ def _collect(folder: Path, settings: EvolutionSettings) -> Evolution:
         with (folder / "tables" / f"{_stem(settings, k)}.csv").open() as file:
             last = list(csv.DictReader(file))[-1]
         outcome = Repeat(
-            repeat=k, best_fitness=provenance["fitness"], best_success=provenance["solved"] / provenance["trials"],
+            repeat=k, best_fitness=provenance["fitness"],
+            best_success=provenance["solved"] / provenance["trials"],
             mean_fitness=float(last["mean_fitness"]), first_solved=provenance["first_solved"], network=path,
         )  # fmt: skip
         repeats.append(outcome)
         first = "" if outcome.first_solved is None else outcome.first_solved
-        rows.append({"repeat": k, "first_solved_generation": first} | {n: v for n, v in last.items() if n != "generation"})
+        rows.append(
+            {"repeat": k, "first_solved_generation": first}
+            | {n: v for n, v in last.items() if n != "generation"}
+        )
     write_atomic(folder / "tables" / "summary.csv", _csv(rows))
     return Evolution(settings=settings, out=folder, repeats=tuple(repeats))
 
 
 @contextlib.contextmanager
 def _stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into a flag, so that a generation is finished and saved; a second one acts as usual."""
+    """Turn the first Ctrl-C into a flag, so that a generation is saved; a second one acts as usual."""
     flag = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield flag.is_set
@@ -289,7 +305,7 @@ _worker_parent = 0
 
 
 def _start_worker(stop: Any, reports: Any, parent: int) -> None:
-    global _worker_stop, _worker_reports, _worker_parent  # noqa: PLW0603 - state of one worker process
+    global _worker_stop, _worker_reports, _worker_parent
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _worker_stop, _worker_reports, _worker_parent = stop, reports, parent
 
@@ -312,6 +328,13 @@ def _run_pool(
 ) -> None:
     context = multiprocessing.get_context("spawn")
     stop, reports = context.Event(), context.Queue()
+
+    def pass_on() -> None:
+        while not reports.empty():
+            repeat, row = reports.get()
+            if report is not None:
+                report(repeat, row)
+
     with ProcessPoolExecutor(
         min(workers, len(todo)), context, initializer=_start_worker, initargs=(stop, reports, os.getpid())
     ) as pool:
@@ -319,10 +342,7 @@ def _run_pool(
         try:
             while futures:
                 done, futures = wait(futures, timeout=0.2, return_when=FIRST_COMPLETED)
-                while not reports.empty():
-                    repeat, row = reports.get()
-                    if report is not None:
-                        report(repeat, row)
+                pass_on()
                 for future in done:
                     future.result()
                 if stopped():
@@ -331,6 +351,12 @@ def _run_pool(
                         future.cancel()
                     futures = {future for future in futures if not future.cancelled()}
         except BrokenProcessPool as error:
-            raise OperationError(f"{folder}: a worker process died. Run the same command again to resume.") from error
+            if stopped():
+                return  # Ctrl-C reaches a worker too, and one that is still starting dies of it.
+            raise OperationError(
+                f"{folder}: a worker process died. Run the same command again to resume."
+            ) from error
         finally:
             stop.set()
+    # A worker sends its last rows before it ends, which may be after its result was seen.
+    pass_on()

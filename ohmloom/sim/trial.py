@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,12 +45,12 @@ class Trial:
     timesteps, bumps
         Counted timesteps st, 10 for each bump included; number of bumps.
     path
-        (time, 3): x [m], y [m], heading [rad, 0 = +x, counter-clockwise]; one row more than executed timesteps.
+        (time, 3): x [m], y [m], heading [rad, 0 = +x, counter-clockwise]; executed timesteps + 1 rows.
     st
         (time,) counted timesteps beside each row of `path`.
     sensors, actions, output_spikes
-        (timestep, 6) in [0, 1]; (timestep,) 0 forward, 1 left, 2 right; (timestep, 2) counts, or no rows if the
-        controller has none.
+        (timestep, 6) in [0, 1]; (timestep,) 0 forward, 1 left, 2 right; (timestep, 2) counts, or no rows if
+        the controller has none.
     task, trial_key, provenance
         Task, the 64-bit key of the trial's random numbers, version and settings.
     """
@@ -72,7 +74,9 @@ class Trial:
             ("sensors", ("timestep", "sensor=6"), np.float64), ("actions", ("timestep",), np.int64),
             ("output_spikes", ("timestep", "output=2"), np.int64),
         ):  # fmt: skip
-            object.__setattr__(self, name, frozen_array(f"Trial.{name}", getattr(self, name), axes, dtype=dtype))
+            object.__setattr__(
+                self, name, frozen_array(f"Trial.{name}", getattr(self, name), axes, dtype=dtype)
+            )
 
     def save(self, path: Path | str) -> None:
         """Write the trial as npz, whole or not at all; the same trial gives the same bytes."""
@@ -90,8 +94,10 @@ class Trial:
             with np.load(io.BytesIO(data), allow_pickle=False) as archive:
                 scalars = json.loads(str(archive["scalars"]))
                 return cls(**scalars, **{name: archive[name] for name in _ARRAYS})
-        except (ValueError, KeyError, TypeError, OSError, EOFError) as error:
-            raise FileFormatError(f"{path}: expected a trial saved by ohmloom, got {error}. Save it again.") from error
+        except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            raise FileFormatError(
+                f"{path}: expected a trial saved by ohmloom, got {error}. Save it again."
+            ) from error
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the path; an Axes in m."""
@@ -102,7 +108,9 @@ class Trial:
         axes.set_aspect("equal")
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
-        axes.set_title(f"{'goal reached' if self.solved else 'goal not reached'} in {self.timesteps} timesteps")
+        axes.set_title(
+            f"{'goal reached' if self.solved else 'goal not reached'} in {self.timesteps} timesteps"
+        )
         return axes
 
     def _repr_html_(self) -> str:
@@ -159,14 +167,20 @@ def run_trial(
     (False, 4008)
     """
     if (rng is None) == (trial_key is None):
-        raise ParameterError("run_trial: expected either rng or trial_key, got both or none. Pass one of them.")
+        raise ParameterError(
+            "run_trial: expected either rng or trial_key, got both or none. Pass one of them."
+        )
     if action_delay not in (0, 1):
-        raise ParameterError(f"run_trial.action_delay: expected 0 or 1, got {action_delay}. Use one of these.")
+        raise ParameterError(
+            f"run_trial.action_delay: expected 0 or 1, got {action_delay}. Use one of these."
+        )
     if trial_key is None:
         assert rng is not None
         trial_key = draw_trial_key(rng)
-    if not 0 <= trial_key < 2**64:
-        raise ParameterError(f"run_trial.trial_key: expected 0 <= key < 2**64, got {trial_key}. Use 64 bits.")
+    if not isinstance(trial_key, int | np.integer) or not 0 <= trial_key < 2**64:
+        raise ParameterError(
+            f"run_trial.trial_key: expected an integer, 0 <= key < 2**64, got {trial_key}. Use 64 bits."
+        )
     arena = arena if arena is not None else Arena.paper()
     arguments = getattr(controller, "kernel_arguments", (None, None))
     if arguments[0] is not None and on_timestep is None:
@@ -185,7 +199,7 @@ def trial_fitness(controller: Any, arena: Arena, trial_key: int) -> tuple[float,
         arena.world(), robot, np.uint64(trial_key), wiring, state, np.zeros(wiring.neurons, dtype=np.int64),
         np.zeros(6), 0, False, *none, np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64),
     )  # fmt: skip
-    return float(robot.best[0]), _is_solved(arena, robot), int(executed)
+    return _fitness(arena, robot), _is_solved(arena, robot), int(executed)
 
 
 def _new_robot() -> Any:
@@ -210,16 +224,24 @@ def _run_compiled(arguments: Any, arena: Arena, key: int, action_delay: int) -> 
     robot = _new_robot()
     rows = arena.max_timesteps + 1
     path, st = np.zeros((rows, 3)), np.zeros(rows, dtype=np.int64)
-    seen, acted, spikes = np.zeros((rows, 6)), np.zeros(rows, dtype=np.int64), np.zeros((rows, 2), dtype=np.int64)
+    seen, acted, spikes = (
+        np.zeros((rows, 6)),
+        np.zeros(rows, dtype=np.int64),
+        np.zeros((rows, 2), dtype=np.int64),
+    )
     n = _trial_kernels.run(
-        arena.world(), robot, np.uint64(key), wiring, state, np.zeros(wiring.neurons, dtype=np.int64), np.zeros(6),
-        action_delay, True, path, st, seen, acted, spikes,
+        arena.world(), robot, np.uint64(key), wiring, state, np.zeros(wiring.neurons, dtype=np.int64),
+        np.zeros(6), action_delay, True, path, st, seen, acted, spikes,
     )  # fmt: skip
     return _trial(arena, robot, key, path[: n + 1], st[: n + 1], seen[:n], acted[:n], spikes[:n])
 
 
 def _run_plain(
-    controller: Controller, arena: Arena, key: int, action_delay: int, on_timestep: Callable[[int], None] | None
+    controller: Controller,
+    arena: Arena,
+    key: int,
+    action_delay: int,
+    on_timestep: Callable[[int], None] | None,
 ) -> Trial:
     from ohmloom.sim import _arena_kernels
 
@@ -235,9 +257,9 @@ def _run_plain(
         sensors = np.zeros(6)
         _arena_kernels.sense(world, robot, word, sensors)
         answer = controller.step(sensors.copy())
-        if answer not in ACTIONS:
-            raise ParameterError(f"run_trial.controller: expected step() to return 'forward', 'left' or 'right', "
-                                 f"got {answer!r}. Return one of these.")  # fmt: skip
+        if not isinstance(answer, str) or answer not in ACTIONS:
+            raise ParameterError("run_trial.controller: expected step() to return 'forward', 'left' or "
+                                 f"'right', got {answer!r}. Return one of these.")  # fmt: skip
         action = ACTIONS.index(answer)
         if action_delay:
             action, delayed = delayed, action
@@ -254,7 +276,9 @@ def _run_plain(
     return _trial(arena, robot, key, path, st, seen, acted, np.array(spikes, dtype=np.int64).reshape(-1, 2))
 
 
-def _trial(arena: Arena, robot: Any, key: int, path: Any, st: Any, seen: Any, acted: Any, spikes: Any) -> Trial:
+def _trial(
+    arena: Arena, robot: Any, key: int, path: Any, st: Any, seen: Any, acted: Any, spikes: Any
+) -> Trial:
     return Trial(
         fitness=_fitness(arena, robot), solved=_is_solved(arena, robot), timesteps=int(robot.count[0]),
         bumps=int(robot.count[1]), path=path, st=st, sensors=seen, actions=acted, output_spikes=spikes,
