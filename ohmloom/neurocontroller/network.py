@@ -214,12 +214,10 @@ class Network:
         }
         table["provenance"] = {"ohmloom": __version__, **self.provenance}
         rows = ",\n  ".join(json.dumps(s._asdict()) for s in self.synapses)
-        # A newline and one space stand only before a key of the table itself, so no value can be mistaken for it.
+        # A newline and one space stand only before the table's own keys, so no value is mistaken for this.
         entry = '\n "synapses": '
-        text = json.dumps(table, indent=1).replace(
-            f'{entry}"@"', entry + (f"[\n  {rows}\n ]" if rows else "[]")
-        )
-        return text + "\n"
+        listed = f"[\n  {rows}\n ]" if rows else "[]"
+        return json.dumps(table, indent=1).replace(f'{entry}"@"', entry + listed) + "\n"
 
     def save(self, path: Path | str) -> None:
         """Write the network's file, whole or not at all."""

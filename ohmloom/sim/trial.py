@@ -164,7 +164,7 @@ def run_trial(
     ...     def step(self, sensors): return "forward"
     >>> trial = run_trial(Blind(), trial_key=1)
     >>> trial.solved, trial.timesteps
-    (False, 4008)
+    (False, 4000)
     """
     if (rng is None) == (trial_key is None):
         raise ParameterError(
