@@ -1,6 +1,24 @@
 """What happens in time: arena, robot, trials, evolution, agreement, feasibility."""
 
+from ohmloom.sim.agreement import Agreement, Divergence, agreement
 from ohmloom.sim.arena import Arena
-from ohmloom.sim.trial import Trial, run_trial
+from ohmloom.sim.evolution import Evolution, EvolutionSettings, evolve
+from ohmloom.sim.feasibility import Feasibility, feasibility
+from ohmloom.sim.figures import Figure
+from ohmloom.sim.trial import Controller, Trial, run_trial
 
-__all__ = ["Arena", "Trial", "run_trial"]
+__all__ = [
+    "Agreement",
+    "Arena",
+    "Controller",
+    "Divergence",
+    "Evolution",
+    "EvolutionSettings",
+    "Feasibility",
+    "Figure",
+    "Trial",
+    "agreement",
+    "evolve",
+    "feasibility",
+    "run_trial",
+]

@@ -1,0 +1,198 @@
+"""Discrete beside emulated: two controllers on the same sensors, compared at every single step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ohmloom import __version__
+from ohmloom._arrays import FloatArray, IntArray
+from ohmloom.mapping import Die, EmulatedController, Hardware, Ledger, place
+from ohmloom.neurocontroller import Network, SpikingController
+from ohmloom.sim.arena import Arena
+from ohmloom.sim.trial import Trial, draw_trial_key, run_trial
+
+STEPS = 21
+MOST_TIES = 5  # on a network without linear synapses
+TIE_WEIGHT_ERROR = 1e-6
+ROUNDING = 8 * np.finfo(np.float64).eps
+
+
+@dataclass(frozen=True, kw_only=True)
+class Divergence:
+    """Where two controllers first differ: timestep and step from 0, neuron."""
+
+    timestep: int
+    step: int
+    neuron: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """A discrete and an emulated controller over one trial; the discrete one drives the robot.
+
+    Attributes
+    ----------
+    exact
+        Whether every spike of every step is equal, but for few enough ties.
+    ties
+        Steps in which a membrane lay so near the threshold that rounding decides; both then went on from one state.
+    first_divergence
+        First spike that differs and is no tie, or None.
+    spike_agreement, action_agreement
+        Fractions of neuron-steps and of timesteps that are equal.
+    worst_rms, final_rms, worst_weight_error
+        Root mean square of the weights' difference, worst over the timesteps and at the end; largest difference.
+    trial, ledger
+        The discrete controller's trial; what the emulated one spent in it.
+    weights, emulated_weights, spikes
+        (timestep, synapse) weights after each timestep, of both; (timestep, neuron) spike counts of the discrete one.
+    """
+
+    exact: bool
+    ties: int
+    first_divergence: Divergence | None
+    spike_agreement: float
+    action_agreement: float
+    worst_rms: float
+    final_rms: float
+    worst_weight_error: float
+    trial: Trial
+    ledger: Ledger
+    weights: FloatArray
+    emulated_weights: FloatArray
+    spikes: IntArray
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+
+def agreement(
+    network: Network,
+    hardware: Hardware,
+    *,
+    seed: int = 0,
+    arena: Arena | None = None,
+    die: Die | None = None,
+    perturb: float = 0.0,
+    trial_key: int | None = None,
+) -> Agreement:
+    """Run the discrete and the emulated controller side by side in closed loop, on the discrete one's sensors.
+
+    Parameters
+    ----------
+    network, hardware
+        What is compared on what.
+    seed, trial_key
+        Seed that draws the trial's key, or that key itself.
+    arena
+        The paper's static arena by default.
+    die
+        The nominal die by default: every device as its card says.
+    perturb
+        Relative error of the emulated charge per event; anything but 0 should break the agreement.
+
+    Raises
+    ------
+    MappingError
+        If the network cannot be placed.
+    """
+    die = place(network, hardware).nominal() if die is None else die
+    pair = _Pair(network, die, perturb)
+    key = draw_trial_key(np.random.default_rng(seed)) if trial_key is None else trial_key
+    trial = run_trial(pair, arena, trial_key=key)
+    has_linear = any(s.kind == "linear" for s in network.synapses)
+    rms = np.array(pair.rms) if pair.rms else np.zeros(1)
+    return Agreement(
+        exact=pair.first_divergence is None and (has_linear or pair.ties <= MOST_TIES),
+        ties=pair.ties, first_divergence=pair.first_divergence,
+        spike_agreement=1.0 - pair.different_spikes / max(pair.steps * network.neurons, 1),
+        action_agreement=pair.equal_actions / max(len(pair.rms), 1), worst_rms=float(rms.max()),
+        final_rms=float(rms[-1]), worst_weight_error=pair.worst_error, trial=trial, ledger=pair.emulated.ledger,
+        weights=np.array(pair.weights), emulated_weights=np.array(pair.emulated_weights),
+        spikes=np.array(pair.spikes),
+        provenance={"ohmloom": __version__, "network": network.sha256, "hardware": hardware.sha256, "trial_key": key},
+    )  # fmt: skip
+
+
+class _Pair:
+    """A controller that runs two, answers with the discrete one's action and keeps count of the differences."""
+
+    def __init__(self, network: Network, die: Die, perturb: float) -> None:
+        self.network = network
+        self.discrete = SpikingController(network)
+        self.emulated = EmulatedController(die, perturb=perturb)
+        readings, neurons = network.readings, network.neurons
+        self._posts = np.array([s.post for s in network.synapses], dtype=np.int64)
+        terms = np.bincount(self._posts, minlength=neurons) + 4
+        self._floor = ROUNDING * terms * max(1.0, readings.y_thresh)
+        self.reset()
+
+    def reset(self) -> None:
+        self.discrete.reset()
+        self.emulated.reset()
+        self.ties = self.different_spikes = self.steps = self.equal_actions = 0
+        self.first_divergence: Divergence | None = None
+        self.worst_error = 0.0
+        self.rms: list[float] = []
+        self.weights: list[FloatArray] = []
+        self.emulated_weights: list[FloatArray] = []
+        self.spikes: list[IntArray] = []
+        self._ls = np.zeros(self.network.neurons, dtype=np.int64)
+        self._bound = np.zeros(self.network.neurons)
+
+    def step(self, sensors: FloatArray) -> str:
+        from ohmloom.neurocontroller._kernels import classify
+
+        self.discrete.begin_timestep()
+        self.emulated.begin_timestep()
+        counts, emulated_counts = (np.zeros(self.network.neurons, dtype=np.int64) for _ in range(2))
+        for step in range(STEPS):
+            spiked, emulated = self._step(sensors, step)
+            counts += spiked
+            emulated_counts += emulated
+        difference = self.emulated.weights - self.discrete.weights
+        self.rms.append(float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0)
+        self.weights.append(self.discrete.weights)
+        self.emulated_weights.append(self.emulated.weights)
+        self.spikes.append(counts)
+        high = self.network.readings.high_count
+        action = classify(counts[-2], counts[-1], high)
+        self.equal_actions += action == classify(emulated_counts[-2], emulated_counts[-1], high)
+        return ("forward", "left", "right")[action]
+
+    def _step(self, sensors: FloatArray, step: int) -> tuple[Any, Any]:
+        r = self.network.readings
+        error = np.abs(self.emulated.weights - self.discrete.weights)
+        largest = float(error.max(initial=0.0))
+        self.worst_error = max(self.worst_error, largest)
+        # What the weights' errors can have done to each membrane since its last reset, with the leak.
+        inbound = np.bincount(self._posts, weights=error, minlength=self.network.neurons)
+        self._bound = (1.0 - r.b) * self._bound + r.synapse_gain * inbound + self._floor
+        spiked, emulated = self.discrete.spikes(sensors), self.emulated.spikes(sensors)
+        self._ls = np.maximum(np.where(spiked, r.last_spike, self._ls) - 1, 0)
+        self.steps += 1
+        different = np.flatnonzero(spiked != emulated)
+        if different.size:
+            # The one that did not spike still shows how far it stayed below the threshold.
+            silent = np.where(spiked, self.emulated.membranes, self.discrete.membranes)
+            distance = r.y_thresh - silent[different]
+            is_tie = largest <= TIE_WEIGHT_ERROR and bool((distance <= 2.0 * self._bound[different]).all())
+            if is_tie and self.first_divergence is None:
+                self.ties += 1
+                self.emulated.restart_from(
+                    membranes=self.discrete.membranes,
+                    weights=self.discrete.weights,
+                    spiked=spiked,
+                    ls=self._ls,
+                )
+                emulated = spiked
+            else:
+                self.different_spikes += different.size
+                if self.first_divergence is None:
+                    self.first_divergence = Divergence(
+                        timestep=len(self.rms), step=step, neuron=int(different[0])
+                    )
+        self._bound[spiked] = 0.0
+        return spiked, emulated

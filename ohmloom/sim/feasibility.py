@@ -1,0 +1,275 @@
+"""The verdict: would this network work on this hardware, and why (not)?"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ohmloom import __version__
+from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
+from ohmloom.errors import FileFormatError, ParameterError
+from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, event_table, place
+from ohmloom.mapping.plan import reads_with_reference
+from ohmloom.neurocontroller import LATTICES, Network, SpikingController
+from ohmloom.neurocontroller.plain import stdp_sign
+from ohmloom.neurocontroller.wiring import charge_levels
+from ohmloom.sim import figures as f
+from ohmloom.sim.agreement import Agreement, agreement
+from ohmloom.sim.arena import Arena
+from ohmloom.sim.statistics import Success, paired_success
+from ohmloom.sim.trial import Trial, run_trial
+
+START_STREAM = 100  # beside the streams of ohmloom.mapping.die.EFFECTS
+LATTICE_TOLERANCE = 1e-12
+NOT_MODELLED = (
+    "wire resistance, IR drop and sneak paths", "line capacitance and settling", "read noise and converters",
+    "stuck devices, forming and repair", "half-select and read disturb below the threshold", "retention and temperature",
+    "spread of neurons (threshold, leak, bias, offset)", "energy and area of drivers, meters and routing",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feasibility:
+    """Outcome of a study.
+
+    Attributes
+    ----------
+    verdict
+        PASS, MARGINAL or FAIL.
+    reasons
+        The binding figures, worst first, at most three, one sentence each; empty on PASS.
+    figures
+        All figures.
+    success
+        Closed-loop success on paired starts, or None if no die was sampled.
+    exactness
+        Name of an exact equivalence -> whether it holds on the nominal die.
+    not_applicable
+        Equivalences that this spec does not claim, each with the reason.
+    not_modelled
+        What this study leaves out.
+    plan, agreement, hardware_trial
+        What was placed where; the discrete and the emulated controller side by side; one sampled die's trial on the
+        same start. None in a loaded study.
+    provenance
+        Version, seed, dies and digests of the inputs.
+    """
+
+    verdict: str
+    reasons: tuple[str, ...]
+    figures: tuple[f.Figure, ...]
+    success: Success | None
+    exactness: Mapping[str, bool]
+    not_applicable: Mapping[str, str]
+    not_modelled: tuple[str, ...] = NOT_MODELLED
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    plan: Plan | None = None
+    agreement: Agreement | None = None
+    hardware_trial: Trial | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but plan and traces, as plain values; the object of ``evaluate --json``."""
+        return {
+            "format": "ohmloom.feasibility", "version": 1, "verdict": self.verdict, "reasons": list(self.reasons),
+            "figures": [asdict(figure) for figure in self.figures],
+            "success": None if self.success is None else asdict(self.success), "exactness": dict(self.exactness),
+            "not_applicable": dict(self.not_applicable), "not_modelled": list(self.not_modelled),
+            "provenance": dict(self.provenance),
+        }  # fmt: skip
+
+    def save(self, path: Path | str) -> None:
+        """Write the study as JSON, whole or not at all."""
+        write_atomic(path, json.dumps(self.to_dict(), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, path: Path | str) -> Feasibility:
+        """Read what `save` wrote, without plan and traces."""
+        table = check_format(parse_json(read_bytes(path, "feasibility"), str(path)), str(path), "ohmloom.feasibility", 1)
+        try:
+            success = table["success"]
+            if success is not None:
+                success = Success(**{k: tuple(v) if isinstance(v, list) else v for k, v in success.items()})
+            return cls(
+                verdict=table["verdict"], reasons=tuple(table["reasons"]),
+                figures=tuple(f.Figure(**figure) for figure in table["figures"]), success=success,
+                exactness=table["exactness"], not_applicable=table["not_applicable"],
+                not_modelled=tuple(table["not_modelled"]), provenance=table["provenance"],
+            )  # fmt: skip
+        except (KeyError, TypeError) as error:
+            raise FileFormatError(f"{path}: expected a study saved by ohmloom, got {error}. Evaluate again.") from error
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        rows = "".join(
+            f"<tr><td>{figure.name}</td><td>{figure.value}</td><td>{figure.limit}</td><td>{figure.status}</td></tr>"
+            for figure in self.figures
+        )
+        reasons = "".join(f"<li>{escape(reason)}</li>" for reason in self.reasons)
+        return f"<b>{self.verdict}</b><ul>{reasons}</ul><table>{rows}</table>"
+
+
+def feasibility(
+    network: Network,
+    hardware: Hardware,
+    *,
+    dies: int = 200,
+    seed: int = 0,
+    arena: Arena | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Feasibility:
+    """Evaluate a network on hardware.
+
+    Parameters
+    ----------
+    network, hardware
+        What to build, and of what.
+    dies
+        Sampled pieces of hardware; each is tried once, from a start of its own, beside the ideal controller. 0
+        gives the figures without sampling.
+    seed
+        Every start and every die follows from it.
+    arena
+        The paper's arena of the network's task by default.
+    progress
+        Called with the number of dies done and of all.
+
+    Raises
+    ------
+    MappingError
+        If the network cannot be placed.
+    ParameterError
+        If `dies` or `seed` is negative.
+    """
+    for name, number in (("dies", dies), ("seed", seed)):
+        if number < 0:
+            raise ParameterError(f"feasibility.{name}: expected an integer >= 0, got {number}. Use 0 or more.")
+    if arena is None:
+        arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
+    plan = place(network, hardware)
+    check = agreement(network, hardware, arena=arena, die=plan.nominal(), trial_key=_start(seed, 0))
+    exactness, not_applicable = _exactness(plan, check)
+    sampled = _sample(plan, arena, dies, seed, progress)
+    found = _figures(plan, check, sampled)
+    verdict, reasons = _verdict(found, exactness)
+    return Feasibility(
+        verdict=verdict, reasons=reasons, figures=found, success=sampled.success, exactness=exactness,
+        not_applicable=not_applicable, plan=plan, agreement=check, hardware_trial=sampled.first_trial,
+        provenance={
+            "ohmloom": __version__, "network": network.name, "network_sha256": network.sha256,
+            "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies,
+            "task": arena.task,
+        },
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sampled:
+    success: Success | None
+    ledgers: tuple[Ledger, ...]
+    first_trial: Trial | None
+
+
+def _start(seed: int, die: int) -> int:
+    """Key of the start on which a die is tried."""
+    stream = np.random.SeedSequence(seed, spawn_key=(START_STREAM, die))
+    return int(stream.generate_state(1, np.uint64)[0])
+
+
+def _sample(
+    plan: Plan, arena: Arena, dies: int, seed: int, progress: Callable[[int, int], None] | None
+) -> _Sampled:
+    ideal, hardware, ledgers = [], [], []
+    first_trial = None
+    controller = SpikingController(plan.network)
+    for die in range(dies):
+        key = _start(seed, die)
+        ideal.append(run_trial(controller, arena, trial_key=key).solved)
+        emulated = EmulatedController(plan.sample(seed=seed, die=die))
+        trial = run_trial(emulated, arena, trial_key=key)
+        hardware.append(trial.solved)
+        ledgers.append(emulated.ledger)
+        first_trial = trial if first_trial is None else first_trial
+        if progress is not None:
+            progress(die + 1, dies)
+    success = paired_success(ideal, hardware) if dies else None
+    return _Sampled(success=success, ledgers=tuple(ledgers), first_trial=first_trial)
+
+
+def _figures(plan: Plan, check: Agreement, sampled: _Sampled) -> tuple[f.Figure, ...]:
+    hardware, ledger = plan.hardware, check.ledger
+    counted = sampled.ledgers or (ledger,)
+    return (
+        f.event_fidelity(
+            hardware, sum(one.lost for one in counted), sum(one.spurious for one in counted),
+            sum(one.ideal_events for one in counted), len(sampled.ledgers),
+        ),
+        f.useful_event_range(hardware, plan),
+        f.time_per_step(hardware, ledger),
+        f.programming_power(hardware, ledger),
+        f.energy_per_timestep(hardware, ledger),
+        f.pulses_per_device(hardware, ledger),
+        f.endurance(hardware, ledger),
+        f.closed_loop_success(hardware, sampled.success),
+    )  # fmt: skip
+
+
+def _exactness(plan: Plan, check: Agreement) -> tuple[dict[str, bool], dict[str, str]]:
+    """What must hold before a figure means anything, on the spec's own cards."""
+    readings, drive = plan.network.readings, plan.hardware.drive
+    kinds = [tile.kind for tile in plan.tiles if tile.kind in LATTICES]
+    exact: dict[str, bool] = {}
+    skipped: dict[str, str] = {}
+    if kinds:
+        table = event_table(drive.levels, drive.threshold.value)
+        exact["rule_table"] = all(
+            table[pre][post] == stdp_sign(pre, post, readings.stdp_threshold)
+            for pre in range(len(table)) for post in range(len(table))
+        )  # fmt: skip
+    else:
+        skipped["rule_table"] = "no plastic synapse"
+    other = [kind for kind in kinds if not _is_paper_ratio(plan.hardware, kind)]
+    if other:
+        reason = f"the cards of {', '.join(other)} are not of ratio 100, so their weights are not the paper's"
+        skipped |= {"lattice": reason, "network_charge": reason}
+    else:
+        exact["lattice"] = all(_lattice_error(plan.hardware, kind) <= LATTICE_TOLERANCE for kind in kinds)
+        exact["network_charge"] = check.exact
+    return exact, skipped
+
+
+def _is_paper_ratio(hardware: Hardware, kind: str) -> bool:
+    device = hardware.devices[kind]
+    ratio = float(device.conductance(1.0) / device.conductance(0.0))
+    return reads_with_reference(kind) or abs(ratio - 100.0) < 1e-6
+
+
+def _lattice_error(hardware: Hardware, kind: str) -> float:
+    """Largest difference between a card's weight and the integer lattice's, over all its levels."""
+    lattice, device = LATTICES[kind], hardware.devices[kind]
+    levels = charge_levels(lattice)
+    w = np.array([float(device.weight(q / lattice.top)) for q in levels])
+    if reads_with_reference(kind):
+        w_off, w_on = float(device.weight(0.0)), float(device.weight(1.0))
+        w = (w - w_off) / (w_on - w_off)
+    return float(np.abs(w - [lattice.weight(q) for q in levels]).max())
+
+
+def _verdict(found: tuple[f.Figure, ...], exactness: Mapping[str, bool]) -> tuple[str, tuple[str, ...]]:
+    broken = [name for name, holds in exactness.items() if not holds]
+    if broken:
+        return f.FAIL, (f"exactness: {', '.join(broken)} does not hold, so the study is void.",)
+    rank = {f.FAIL: 0, f.MARGINAL: 1, f.ASSUMED: 2, f.NOT_RUN: 3}
+    binding = sorted(
+        (figure for figure in found if figure.status in rank),
+        key=lambda figure: (rank[figure.status], figure.margin if figure.margin is not None else 0.0),
+    )
+    if not binding:
+        return f.PASS, ()
+    verdict = f.FAIL if binding[0].status == f.FAIL else f.MARGINAL
+    return verdict, tuple(figure.sentence for figure in binding[:3])

@@ -1,0 +1,277 @@
+"""The figures of a feasibility study: each with value, unit, limit, margin, source and status."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ohmloom.devices import Device
+from ohmloom.mapping import Hardware, Ledger, Plan, Quantity
+from ohmloom.neurocontroller.kinds import MEM_LIFETIME, PLASTIC_KINDS
+from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP
+from ohmloom.sim.statistics import Success, least_pairs
+from ohmloom.units import format_quantity
+
+PASS, MARGINAL, FAIL, ASSUMED, NOT_RUN = "PASS", "MARGINAL", "FAIL", "ASSUMED", "NOT_RUN"
+MARGINAL_BELOW = 0.2
+TIMESTEP = 0.032  # Section VIII-A
+STEP_BUDGET = TIMESTEP / STEPS_PER_TIMESTEP
+EVENT_FIDELITY_LIMIT = 0.001
+NON_INFERIORITY = -0.05
+USEFUL_RANGE = 0.9  # of W, Section V: "90% of the total range of W within 90 STDP steps"
+DESIGN_SOURCE = "ohmloom's criterion"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure of a study.
+
+    Attributes
+    ----------
+    name, value, unit
+        What was found, in SI; value None where it was not run.
+    limit, margin
+        The limit, and (limit - value) / abs(limit) with the sign of the good direction; None without a limit.
+    source
+        Where the limit comes from.
+    status
+        PASS, MARGINAL (margin under 20 %), FAIL, ASSUMED (an assumed input decides), or NOT_RUN.
+    detail
+        How the value comes about, in a sentence.
+    """
+
+    name: str
+    value: float | None
+    unit: str
+    limit: float | None
+    margin: float | None
+    source: str
+    status: str
+    detail: str
+
+    @property
+    def sentence(self) -> str:
+        """Why this figure binds, in one sentence that names it."""
+        if self.value is None or self.limit is None:
+            return f"{self.name}: {self.detail}"
+        value, limit = format_quantity(self.value, self.unit), format_quantity(self.limit, self.unit)
+        return f"{self.name} is {value} against a limit of {limit} ({self.status}): {self.detail}"
+
+
+def margin_of(value: float, limit: float, *, low_is_good: bool) -> float:
+    """(limit - value) / abs(limit), positive on the good side.
+
+    >>> margin_of(1.0, 2.0, low_is_good=True), margin_of(1.0, 2.0, low_is_good=False)
+    (0.5, -0.5)
+    """
+    return (limit - value if low_is_good else value - limit) / abs(limit)
+
+
+def status_of(margin: float) -> str:
+    """PASS, MARGINAL or FAIL.
+
+    >>> status_of(0.5), status_of(0.1), status_of(-0.1)
+    ('PASS', 'MARGINAL', 'FAIL')
+    """
+    return FAIL if margin < 0.0 else MARGINAL if margin < MARGINAL_BELOW else PASS
+
+
+def _figure(
+    name: str,
+    value: Callable[[Mapping[str, float]], float],
+    unit: str,
+    limit: Quantity | None,
+    inputs: Mapping[str, Quantity],
+    detail: str,
+    *,
+    low_is_good: bool,
+) -> Figure:
+    """A figure that is a formula of spec quantities; it is tried at both ends of every assumed one."""
+    nominal = value({key: quantity.value for key, quantity in inputs.items()})
+    if limit is None:
+        return Figure(name=name, value=nominal, unit=unit, limit=None, margin=None, source="no limit in the spec",
+                      status=ASSUMED, detail=detail)  # fmt: skip
+    margin = margin_of(nominal, limit.value, low_is_good=low_is_good)
+    statuses = set()
+    for corner in itertools.product(limit.extremes, *(quantity.extremes for quantity in inputs.values())):
+        at_corner = value(dict(zip(inputs, corner[1:], strict=True)))
+        statuses.add(status_of(margin_of(at_corner, corner[0], low_is_good=low_is_good)))
+    status = status_of(margin) if statuses <= {status_of(margin)} else ASSUMED
+    if status == ASSUMED:
+        names = [key for key, quantity in inputs.items() if quantity.is_assumed]
+        names += ["its limit"] if limit.is_assumed else []
+        detail += f" The status rests on what is assumed of {' and '.join(names)}."
+    return Figure(name=name, value=nominal, unit=unit, limit=limit.value, margin=margin, source=limit.source,
+                  status=status, detail=detail)  # fmt: skip
+
+
+def time_per_step(hardware: Hardware, ledger: Ledger) -> Figure:
+    """Reading and programming time of the worst step, against 32 ms / 21."""
+    drive, read = hardware.drive, hardware.read
+    columns = ledger.reading_time / read.duration.value
+    inputs = {"read.duration": read.duration}
+    if drive.mode == "charge_metered":
+        inputs["drive.pulse_voltage"] = drive.pulse_voltage
+
+    def value(at: Mapping[str, float]) -> float:
+        # A metered pulse is as long as its charge takes, so its time goes with 1/V.
+        voltage = at.get("drive.pulse_voltage", drive.pulse_voltage.value)
+        return columns * at["read.duration"] + ledger.worst_programming_time * drive.pulse_voltage.value / voltage
+
+    limit = Quantity(value=STEP_BUDGET, source="Howard et al. 2012, Sections IV-A and VIII-A: 32 ms / 21 steps")
+    detail = (
+        f"the worst of {ledger.steps} steps reads for {format_quantity(ledger.reading_time, 's')} and programs for "
+        f"{format_quantity(ledger.worst_programming_time, 's')} "
+        f"(mean {format_quantity(ledger.mean_programming_time, 's')}), one {drive.parallelism} at a time."
+    )
+    return _figure("time_per_step", value, "s", limit, inputs, detail, low_is_good=True)
+
+
+def _timesteps(ledger: Ledger) -> float:
+    return max(ledger.steps / STEPS_PER_TIMESTEP, 1.0)
+
+
+def _energy(hardware: Hardware, ledger: Ledger) -> tuple[Callable[[Mapping[str, float]], float], dict[str, Quantity]]:
+    """Energy per timestep as a formula of the spec's quantities."""
+    drive, read, neuron = hardware.drive, hardware.read, hardware.neuron
+    inputs = {"read.voltage": read.voltage, "read.duration": read.duration}
+    inputs["neuron.energy_per_spike"] = neuron.energy_per_spike
+    if drive.mode == "charge_metered":
+        inputs["drive.pulse_voltage"] = drive.pulse_voltage
+
+    def value(at: Mapping[str, float]) -> float:
+        voltage = at.get("drive.pulse_voltage", drive.pulse_voltage.value)
+        programming = ledger.programming_energy * voltage / drive.pulse_voltage.value
+        squared = (at["read.voltage"] / read.voltage.value) ** 2 * at["read.duration"] / read.duration.value
+        spikes = ledger.spikes * at["neuron.energy_per_spike"]
+        return (programming + ledger.read_energy * squared + spikes) / _timesteps(ledger)
+
+    return value, inputs
+
+
+def programming_power(hardware: Hardware, ledger: Ledger) -> Figure:
+    """Mean power of devices and neurons in real time."""
+    energy, inputs = _energy(hardware, ledger)
+    per = {
+        "programming": ledger.programming_energy,
+        "reading": ledger.read_energy,
+        "spikes": ledger.spikes * hardware.neuron.energy_per_spike.value,
+    }
+    shares = ", ".join(f"{name} {format_quantity(e / _timesteps(ledger), 'J')}" for name, e in per.items())
+    detail = f"per 32 ms timestep: {shares}; drivers and meters are not in it."
+    limit = hardware.limits.programming_power
+    return _figure("programming_power", lambda at: energy(at) / TIMESTEP, "W", limit, inputs, detail, low_is_good=True)
+
+
+def energy_per_timestep(hardware: Hardware, ledger: Ledger) -> Figure:
+    """Energy of devices and neurons per timestep; its limit is that of the power."""
+    energy, inputs = _energy(hardware, ledger)
+    power = hardware.limits.programming_power
+    limit = None
+    if power is not None:
+        spread = None if power.range is None else (power.range[0] * TIMESTEP, power.range[1] * TIMESTEP)
+        limit = Quantity(value=power.value * TIMESTEP, source=power.source, range=spread)
+    detail = f"{ledger.pulses / _timesteps(ledger):.0f} pulses per timestep; the limit is that of the power times 32 ms."
+    return _figure("energy_per_timestep", energy, "J", limit, inputs, detail, low_is_good=True)
+
+
+def pulses_per_device(hardware: Hardware, ledger: Ledger) -> Figure:
+    """Pulses that the busiest device gets in a trial."""
+    limit = None
+    if hardware.limits.endurance is not None:
+        pulses, trials = hardware.endurance.pulses, hardware.limits.endurance
+        ends = [p / t for p in pulses.extremes for t in trials.extremes]
+        sources = f"endurance.pulses ({pulses.source}) / limits.endurance ({trials.source})"
+        is_assumed = pulses.is_assumed or trials.is_assumed
+        limit = Quantity(
+            value=pulses.value / trials.value, source=f"assumed: {sources}" if is_assumed else sources,
+            range=(min(ends), max(ends)) if is_assumed else None,
+        )  # fmt: skip
+    detail = f"the busiest device in a trial of {_timesteps(ledger):.0f} timesteps."
+    return _figure("pulses_per_device", lambda _: float(ledger.most_pulses), "pulses", limit, {}, detail, low_is_good=True)
+
+
+def endurance(hardware: Hardware, ledger: Ledger) -> Figure:
+    """Trials until the busiest device has had the pulses it survives."""
+    inputs = {"endurance.pulses": hardware.endurance.pulses}
+    detail = f"the busiest device gets {ledger.most_pulses} pulses a trial and survives {hardware.endurance.pulses.value:g}."
+    return _figure(
+        "endurance", lambda at: at["endurance.pulses"] / max(ledger.most_pulses, 1), "trials",
+        hardware.limits.endurance, inputs, detail, low_is_good=False,
+    )  # fmt: skip
+
+
+def useful_events(device: Device, *, is_referenced: bool) -> float:
+    """Least number of events that moves W by 0.9.
+
+    A memristive card of ratio 100 has 90.9 of them, the paper's "90 STDP steps" (Section V).
+    """
+    s = np.linspace(0.0, 1.0, 20001)
+    w = np.asarray(device.weight(s), dtype=np.float64)
+    if is_referenced:
+        w = (w - w[0]) / (w[-1] - w[0])
+    if w[-1] - w[0] < USEFUL_RANGE:
+        return 0.0
+    reached = np.interp(w + USEFUL_RANGE, w, s, right=np.inf)
+    return float((reached - s).min() * MEM_LIFETIME)
+
+
+def useful_event_range(hardware: Hardware, plan: Plan) -> Figure:
+    """Smallest useful range among the plastic kinds of the plan."""
+    found = {
+        tile.kind: useful_events(hardware.devices[tile.kind], is_referenced=tile.has_reference)
+        for tile in plan.tiles
+        if tile.kind in PLASTIC_KINDS
+    }
+    limit = hardware.limits.useful_event_range
+    if not found:
+        return Figure(name="useful_event_range", value=None, unit="events", limit=limit.value if limit else None,
+                      margin=None, source=limit.source if limit else "no limit in the spec", status=PASS,
+                      detail="no plastic synapse, so no event has to fit.")  # fmt: skip
+    kind = min(found, key=lambda k: found[k])
+    detail = "events that move W by 0.9: " + ", ".join(f"{k} {v:.1f}" for k, v in found.items()) + "."
+    return _figure("useful_event_range", lambda _: found[kind], "events", limit, {}, detail, low_is_good=False)
+
+
+def event_fidelity(hardware: Hardware, lost: int, spurious: int, ideal: int, dies: int) -> Figure:
+    """Lost and spurious events as a fraction of those that eqs. 10 and 11 ask for."""
+    value = (lost + spurious) / max(ideal, 1)
+    margin = margin_of(value, EVENT_FIDELITY_LIMIT, low_is_good=True)
+    spread = hardware.spread.threshold
+    where = f"{dies} sampled dies" if dies else "the nominal die"
+    detail = f"{lost} lost and {spurious} spurious of {ideal} events on {where}."
+    return Figure(name="event_fidelity", value=value, unit="1", limit=EVENT_FIDELITY_LIMIT, margin=margin,
+                  source=DESIGN_SOURCE, status=_sampled_status(margin, {"spread.threshold": spread}),
+                  detail=detail)  # fmt: skip
+
+
+def closed_loop_success(hardware: Hardware, success: Success | None) -> Figure:
+    """Lower 95 % bound of success on hardware minus success of the ideal controller."""
+    name, unit, source = "closed_loop_success", "1", f"{DESIGN_SOURCE}: non-inferiority margin of 5 points"
+    if success is None:
+        return Figure(name=name, value=None, unit=unit, limit=NON_INFERIORITY, margin=None, source=source,
+                      status=NOT_RUN, detail="no die was sampled; run with --dies.")  # fmt: skip
+    low, high = success.interval
+    margin = margin_of(low, NON_INFERIORITY, low_is_good=False)
+    counts = (
+        f"{round(success.hardware * success.n)} of {success.n} on hardware, {round(success.ideal * success.n)} ideal, "
+        f"95 % interval of the difference {low:+.3f} to {high:+.3f}, McNemar p = {success.p:.3g}"
+    )
+    needed = least_pairs(NON_INFERIORITY)
+    if success.n < needed and high >= NON_INFERIORITY:
+        return Figure(name=name, value=low, unit=unit, limit=NON_INFERIORITY, margin=margin, source=source,
+                      status=NOT_RUN, detail=f"{counts}; {success.n} dies cannot show it, even the same outcome on "
+                      f"every start needs {needed}: run with --dies {needed} or more.")  # fmt: skip
+    spreads = {f"spread.{key}": getattr(hardware.spread, key) for key in type(hardware.spread).model_fields}
+    return Figure(name=name, value=low, unit=unit, limit=NON_INFERIORITY, margin=margin, source=source,
+                  status=_sampled_status(margin, spreads), detail=f"{counts}.")  # fmt: skip
+
+
+def _sampled_status(margin: float, spreads: Mapping[str, Quantity]) -> str:
+    """A figure from sampled dies cannot pass on assumed spreads."""
+    status = status_of(margin)
+    is_assumed = any(q.is_assumed and q.value > 0.0 for q in spreads.values())
+    return ASSUMED if status == PASS and is_assumed else status
