@@ -34,9 +34,7 @@ def check_number(where: str, value: Any) -> None:
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
         raise ParameterError(f"{where}: expected a number in SI units, got {value!r}. Pass a float.")
     if not math.isfinite(value):
-        raise ParameterError(
-            f"{where}: expected a finite number, got {float(value)}. Check where it comes from."
-        )
+        raise ParameterError(f"{where}: expected a finite number, got {float(value)}. Check where it comes from.")
 
 
 def checked_function(where: str, voltage: Callable[[float], Any], t: FloatArray) -> Callable[[float], float]:
@@ -49,9 +47,7 @@ def checked_function(where: str, voltage: Callable[[float], Any], t: FloatArray)
                 "Return a float for a float."
             ) from error
         if not math.isfinite(v):
-            raise ParameterError(
-                f"{where}: expected finite volts, got {v} at t = {time:.6g} s. Check the function."
-            )
+            raise ParameterError(f"{where}: expected finite volts, got {v} at t = {time:.6g} s. Check the function.")
         return v
 
     drive(float(t[0]))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ohmloom._jit import inner_kernel, kernel
-from ohmloom.devices._pulse_kernels import build_pulses
+from ohmloom.devices._pulse_kernels import build_pulses, closure_kernel
 from ohmloom.devices.laws import LAWS
 
 LAW_NAMES: tuple[str, ...] = tuple(LAWS)
@@ -22,14 +22,14 @@ def build_conductance(functions: Sequence[Callable[..., Any]], index: int = 0) -
     head = inner_kernel(functions[0])
     if len(functions) == 1:
 
-        @inner_kernel
+        @closure_kernel(str(index))
         def last(law_index: int, s: float, v: float, p: Any) -> float:
             return head(s, v, p) if law_index == index else float("nan")
 
         return last
     tail = build_conductance(functions[1:], index + 1)
 
-    @inner_kernel
+    @closure_kernel(str(index))
     def choose(law_index: int, s: float, v: float, p: Any) -> float:
         return head(s, v, p) if law_index == index else tail(law_index, s, v, p)
 
@@ -41,14 +41,14 @@ def build_charge_rate(functions: Sequence[Callable[..., Any]], index: int = 0) -
     head = inner_kernel(functions[0])
     if len(functions) == 1:
 
-        @inner_kernel
+        @closure_kernel(str(index))
         def last(law_index: int, s: float, v: float, i: float, p: Any) -> float:
             return head(s, v, i, p) if law_index == index else float("nan")
 
         return last
     tail = build_charge_rate(functions[1:], index + 1)
 
-    @inner_kernel
+    @closure_kernel(str(index))
     def choose(law_index: int, s: float, v: float, i: float, p: Any) -> float:
         return head(s, v, i, p) if law_index == index else tail(law_index, s, v, i, p)
 
@@ -57,7 +57,7 @@ def build_charge_rate(functions: Sequence[Callable[..., Any]], index: int = 0) -
 
 _conductance = build_conductance([law.conductance for law in LAWS.values()])
 _charge_rate = build_charge_rate([law.charge_rate for law in LAWS.values()])
-_metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate)
+_metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate, "laws")
 
 
 @kernel

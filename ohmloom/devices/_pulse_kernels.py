@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from ohmloom._jit import inner_kernel
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 # Gauss-Legendre collocation with three stages on [0, 1]; the nodes' offsets are +-sqrt(15)/10.
 _R = math.sqrt(15.0)
@@ -22,8 +24,9 @@ A21, A22, A23 = 5 / 36 + _R / 24, 2 / 9, 5 / 36 - _R / 24
 A31, A32, A33 = 5 / 36 + _R / 30, 2 / 9 + _R / 15, 5 / 36
 B1, B2, B3 = 5 / 18, 4 / 9, 5 / 18
 
-# Largest ratio of h(s) across one step: keeps the quadrature of a nearby pole 1/s within 1e-10.
-STEP_RATIO = 1.1
+# Largest relative difference between Simpson's rule, of order 4, and the step's own integral of h, of order 6;
+# the latter is then good to 2e-10, also near the mirror law's pole.
+ROUGH = 3e-7
 # Largest change of s in one step, for laws whose rate depends on s.
 STEP_CHANGE = 1.0 / 32.0
 # Distance from a wall that counts as being there: two ulp of 1.
@@ -37,27 +40,44 @@ SETTLED = 4e-16
 STILL = 1e-18
 
 
-def build_pulses(
-    conductance: Callable[..., float], charge_rate: Callable[..., float]
-) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Make `metered_pulse` and `current_pulse` out of inner kernels; contracts are in `_kernels`."""
-    port_voltage = build_port_voltage(conductance)
+def closure_kernel(tag: str) -> Callable[[F], F]:
+    """Compile a closure under a name that no other closure of its factory has.
 
-    @inner_kernel
+    The linker tells closures apart by qualified name and a count kept per process, so that one from the cache and
+    a fresh one of the same factory could otherwise be taken for each other, and give wrong numbers.
+    """
+
+    def compile_named(function: F) -> F:
+        function.__qualname__ = f"{function.__qualname__}.{tag}"
+        return inner_kernel(function)
+
+    return compile_named
+
+
+def build_pulses(
+    conductance: Callable[..., float], charge_rate: Callable[..., float], tag: str
+) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Make `metered_pulse` and `current_pulse` out of inner kernels; contracts are in `_kernels`.
+
+    `tag` tells these pulses from those made of other kernels.
+    """
+    port_voltage = build_port_voltage(conductance, tag)
+
+    @closure_kernel(tag)
     def charge_slopes(law_index: int, s: float, p: Any, q_d: float, voltage: float) -> tuple[float, float]:
         i = conductance(law_index, s, voltage, p) * voltage
         size = abs(i)
         return charge_rate(law_index, s, voltage, i, p) / size / q_d, 1.0 / size
 
-    @inner_kernel
+    @closure_kernel(tag)
     def time_slopes(law_index: int, s: float, p: Any, q_d: float, current: float) -> tuple[float, float]:
         v = port_voltage(law_index, s, p, current)
         return charge_rate(law_index, s, v, current, p) / q_d, v * current
 
-    over_charge = _build_advance(charge_slopes)
-    over_time = _build_advance(time_slopes)
+    over_charge = _build_advance(charge_slopes, f"{tag}_charge")
+    over_time = _build_advance(time_slopes, f"{tag}_time")
 
-    @inner_kernel
+    @closure_kernel(tag)
     def metered_pulse(
         law_index: int, s: float, p: Any, q_d: float, voltage: float, charge: float
     ) -> tuple[float, float, float]:
@@ -68,7 +88,7 @@ def build_pulses(
         s_new, duration = over_charge(law_index, s, p, q_d, voltage, abs(charge))
         return s_new, duration, voltage * charge
 
-    @inner_kernel
+    @closure_kernel(tag)
     def current_pulse(
         law_index: int, s: float, p: Any, q_d: float, current: float, duration: float
     ) -> tuple[float, float, float]:
@@ -81,10 +101,10 @@ def build_pulses(
     return metered_pulse, current_pulse
 
 
-def build_port_voltage(conductance: Callable[..., float]) -> Callable[..., float]:
+def build_port_voltage(conductance: Callable[..., float], tag: str) -> Callable[..., float]:
     """Make ``(law_index, s, p, i) -> v`` that solves i = G(s, v) v; closed if G does not depend on v."""
 
-    @inner_kernel
+    @closure_kernel(tag)
     def port_voltage(law_index: int, s: float, p: Any, i: float) -> float:
         low_field = conductance(law_index, s, 0.0, p)
         high = i / low_field
@@ -106,14 +126,14 @@ def build_port_voltage(conductance: Callable[..., float]) -> Callable[..., float
     return port_voltage
 
 
-def _build_advance(slopes: Callable[..., tuple[float, float]]) -> Callable[..., tuple[float, float]]:
+def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Callable[..., tuple[float, float]]:
     """Make ``(law_index, s, p, q_d, drive, span) -> (s_new, integral of h)`` for ``(f, h) = slopes(s)``."""
 
-    @inner_kernel
+    @closure_kernel(tag)
     def step(
         law_index: int, s: float, p: Any, q_d: float, drive: float, span: float, f: float
-    ) -> tuple[float, float, bool]:
-        """One collocation step: (change of s, integral of h, whether the iteration settled)."""
+    ) -> tuple[float, float, float, bool]:
+        """One collocation step: (change of s, integral of h, h in the middle, whether it settled)."""
         f1 = f2 = f3 = f
         y1 = y2 = y3 = 0.0
         settled = False
@@ -129,15 +149,13 @@ def _build_advance(slopes: Callable[..., tuple[float, float]]) -> Callable[..., 
             f1, f2, f3 = g1, g2, g3
             if settled:
                 break
-        return span * (B1 * f1 + B2 * f2 + B3 * f3), span * (B1 * y1 + B2 * y2 + B3 * y3), settled
+        return span * (B1 * f1 + B2 * f2 + B3 * f3), span * (B1 * y1 + B2 * y2 + B3 * y3), y2, settled
 
-    @inner_kernel
-    def advance(
-        law_index: int, s: float, p: Any, q_d: float, drive: float, span: float
-    ) -> tuple[float, float]:
+    @closure_kernel(tag)
+    def advance(law_index: int, s: float, p: Any, q_d: float, drive: float, span: float) -> tuple[float, float]:
         start, moved, total, left, size = s, 0.0, 0.0, span, span
+        f, h = slopes(law_index, s, p, q_d, drive)
         while left > 0.0:
-            f, h = slopes(law_index, s, p, q_d, drive)
             if not abs(f) < math.inf:
                 return math.nan, math.nan
             reach = 1.0 - s if f > 0.0 else s
@@ -146,23 +164,31 @@ def _build_advance(slopes: Callable[..., tuple[float, float]]) -> Callable[..., 
                     s = 1.0
                 elif f < 0.0:
                     s = 0.0
-                return s, total + h * left
-            size = min(left, 2.0 * size, min(reach, STEP_CHANGE) / abs(f))
-            while True:
-                h_end = slopes(law_index, min(max(s + f * size, 0.0), 1.0), p, q_d, drive)[1]
-                if not (h_end > STEP_RATIO * h or h > STEP_RATIO * h_end):
-                    break
+                return s, total + slopes(law_index, s, p, q_d, drive)[1] * left
+            size = min(left, size, min(reach, STEP_CHANGE) / abs(f))
+            change, part, middle, settled = step(law_index, s, p, q_d, drive, size, f)
+            can_shrink = size * abs(f) > STILL
+            if not settled and can_shrink:
                 size *= 0.5
-            change, part, settled = step(law_index, s, p, q_d, drive, size, f)
-            # A rate that grows along the step overshoots the wall: land on it instead.
-            while (not settled and size * abs(f) > STILL) or abs(change) > reach + WALL:
-                size *= 0.5 if not settled else reach / abs(change)
-                change, part, settled = step(law_index, s, p, q_d, drive, size, f)
+                continue
+            if abs(change) > reach + WALL:
+                # A rate that grows along the step overshoots the wall: land on it instead.
+                size *= reach / abs(change)
+                continue
+            s_end = min(max(start + (moved + change), 0.0), 1.0)
+            f_end, h_end = slopes(law_index, s_end, p, q_d, drive)
+            rough = abs((h + 4.0 * middle + h_end) * size / 6.0 - part)
+            allowed = ROUGH * abs(part)
+            scale = 2.0 if rough <= 0.04 * allowed else 0.9 * (allowed / rough) ** 0.25
+            if rough > allowed and can_shrink:
+                size *= max(scale, 0.1)
+                continue
             # Summed apart from s, so that many small steps round once.
             moved += change
-            s = min(max(start + moved, 0.0), 1.0)
             total += part
             left -= size
+            size *= scale
+            s, f, h = s_end, f_end, h_end
         return s, total
 
     return advance

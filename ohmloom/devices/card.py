@@ -43,9 +43,7 @@ class Card:
 
 def shipped_names() -> list[str]:
     """Names of the cards that come with ohmloom, sorted."""
-    return sorted(
-        item.name.removesuffix(".toml") for item in _folder().iterdir() if item.name.endswith(".toml")
-    )
+    return sorted(item.name.removesuffix(".toml") for item in _folder().iterdir() if item.name.endswith(".toml"))
 
 
 def read_card(name_or_path: str | Path) -> Card:
@@ -78,9 +76,7 @@ def parse_card(data: bytes, where: str) -> Card:
     law = LAWS[law_name] if isinstance(law_name, str) else next(iter(LAWS.values()))
     checked: Any = validate(_model(law.name), table, where)
     values = tuple(
-        CardValue(
-            value=entry.value, source=entry.source, interval=tuple(entry.interval) if entry.interval else None
-        )
+        CardValue(value=entry.value, source=entry.source, interval=tuple(entry.interval) if entry.interval else None)
         for entry in (getattr(checked.parameters, name) for name in law.parameter_names)
     )
     if found := _value_problems(law, values, where):
@@ -110,8 +106,7 @@ def _quoted(text: str) -> str:
 
 def _value_problems(law: Law, values: Sequence[CardValue], where: str) -> list[str]:
     found = [
-        f"{where}: parameters.{name}.value: {text}"
-        for name, text in problems(law, [entry.value for entry in values])
+        f"{where}: parameters.{name}.value: {text}" for name, text in problems(law, [entry.value for entry in values])
     ]
     for name, entry in zip(law.parameter_names, values, strict=True):
         if entry.interval is not None and not entry.interval[0] <= entry.value <= entry.interval[1]:

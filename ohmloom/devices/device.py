@@ -152,7 +152,13 @@ class Device:
             If `s` is outside [0, 1] or `v` is not finite.
         """
         state, voltage = self._state("s", s), finite(f"{self.name}.conductance: v", v, "V")
-        state, voltage = np.broadcast_arrays(state, voltage)
+        try:
+            state, voltage = np.broadcast_arrays(state, voltage)
+        except ValueError as error:
+            raise ParameterError(
+                f"{self.name}.conductance: expected s and v of shapes that broadcast, "
+                f"got {state.shape} and {voltage.shape}. Give one voltage per state, or a single one."
+            ) from error
         return like_input(LAWS[self.law].conductance(state, voltage, self._p))
 
     def memristance(self, s: Any) -> Any:
@@ -242,17 +248,13 @@ class Device:
         wanted = w * law.conductance(1.0, 0.0, p)
         if wanted <= law.conductance(0.0, 0.0, p):
             return 0.0
-        return float(
-            brentq(lambda s: law.conductance(s, 0.0, p) - wanted, 0.0, 1.0, xtol=1e-18, rtol=8.9e-16)
-        )
+        return float(brentq(lambda s: law.conductance(s, 0.0, p) - wanted, 0.0, 1.0, xtol=1e-18, rtol=8.9e-16))
 
     def _state(self, field: str, s: Any, ndim: int | None = None) -> FloatArray:
         where = f"{self.name}: {field}"
         state = finite(where, s, "")
         if ndim is not None and state.ndim != ndim:
-            raise ParameterError(
-                f"{where}: expected a single state, got shape {state.shape}. Give one number."
-            )
+            raise ParameterError(f"{where}: expected a single state, got shape {state.shape}. Give one number.")
         outside = (state < 0.0) | (state > 1.0)
         if outside.any():
             raise ParameterError(
@@ -288,7 +290,6 @@ class Device:
         rows = [("name", self.name, ""), ("law", self.law, LAWS[self.law].doc)]
         rows += [(k, format_quantity(v, units[k]), self.sources[k]) for k, v in self.parameters.items()]
         cells = "".join(
-            f"<tr><th>{html.escape(a)}</th><td>{html.escape(b)}</td><td>{html.escape(c)}</td></tr>"
-            for a, b, c in rows
+            f"<tr><th>{html.escape(a)}</th><td>{html.escape(b)}</td><td>{html.escape(c)}</td></tr>" for a, b, c in rows
         )
         return f"<table>{cells}</table>"

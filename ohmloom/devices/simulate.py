@@ -17,9 +17,7 @@ RTOL = 1e-10
 ATOL = 1e-13
 
 
-def integrate(
-    law: Law, p: tuple[float, ...], drive: Callable[[float], float], t: FloatArray, s0: float
-) -> FloatArray:
+def integrate(law: Law, p: tuple[float, ...], drive: Callable[[float], float], t: FloatArray, s0: float) -> FloatArray:
     """State s at each of the times `t` under the voltage ``drive(t)``.
 
     Each gap of `t` is integrated by itself, so that a kink of the drive at a sample costs no accuracy. Walls
@@ -76,23 +74,26 @@ def _between_walls(
     """Integrate until `end` or the first wall; returns (time, state there)."""
     from scipy.integrate import solve_ivp
 
-    def upper(time: float, y: Any) -> float:
+    # The distance from the nearer wall, so that the first moves away from s = 1 are not lost to rounding.
+    sign, origin = (-1.0, 1.0) if s > 0.5 else (1.0, 0.0)
+
+    def far(time: float, y: Any) -> float:
         return float(y[0]) - 1.0
 
-    def lower(time: float, y: Any) -> float:
+    def near(time: float, y: Any) -> float:
         return float(y[0])
 
-    upper.terminal, upper.direction = True, 1.0  # type: ignore[attr-defined]
-    lower.terminal, lower.direction = True, -1.0  # type: ignore[attr-defined]
+    far.terminal, far.direction = True, 1.0  # type: ignore[attr-defined]
+    near.terminal, near.direction = True, -1.0  # type: ignore[attr-defined]
     solution = solve_ivp(
-        lambda time, y: [rate(time, min(max(float(y[0]), 0.0), 1.0))],
+        lambda time, y: [sign * rate(time, origin + sign * min(max(float(y[0]), 0.0), 1.0))],
         (start, end),
-        [s],
+        [sign * (s - origin)],
         method="DOP853",
         first_step=end - start,
         rtol=RTOL,
         atol=ATOL,
-        events=(upper, lower),
+        events=(far, near),
     )
     if solution.status < 0:
         raise OperationError(
@@ -100,5 +101,7 @@ def _between_walls(
             f"got {solution.message.rstrip('.')}. Give t finer steps, or lower the voltage."
         )
     if solution.status == 1:
-        return float(solution.t[-1]), 1.0 if len(solution.t_events[0]) else 0.0
-    return end, min(max(float(solution.y[0, -1]), 0.0), 1.0)
+        arrival, wall = float(solution.t[-1]), 1.0 - origin if len(solution.t_events[0]) else origin
+        # No time passed: the drive is too weak to move the state off its wall by even the smallest float.
+        return (arrival, wall) if arrival > start else (end, s)
+    return end, origin + sign * min(max(float(solution.y[0, -1]), 0.0), 1.0)

@@ -103,19 +103,19 @@ class Trace:
         where = str(path)
         found = _read_arrays(read_bytes(path, "trace"), where)
         if "header" not in found or found["header"].dtype.kind != "U":
-            raise FileFormatError(
-                f"{where}: header: expected text, got nothing. Check that this is a trace file."
-            )
+            raise FileFormatError(f"{where}: header: expected text, got nothing. Check that this is a trace file.")
         header = check_format(parse_json(str(found["header"]).encode(), where), where, FORMAT, VERSION)
         for name in ARRAYS:
             if name not in found:
+                raise FileFormatError(f"{where}: {name}: expected an array, got nothing. Make the trace again.")
+            if found[name].dtype.kind not in "fiu":
                 raise FileFormatError(
-                    f"{where}: {name}: expected an array, got nothing. Make the trace again."
+                    f"{where}: {name}: expected numbers, got {found[name].dtype}. Make the trace again."
                 )
         try:
             provenance = json.dumps(header.get("provenance", {}), sort_keys=True)
             return cls(**{name: found[name] for name in ARRAYS}, provenance=provenance)
-        except (TypeError, ValueError) as error:
+        except ParameterError as error:
             raise FileFormatError(f"{where}: {error}") from error
 
     def _repr_html_(self) -> str:
@@ -127,9 +127,7 @@ class Trace:
             ("largest voltage", format_quantity(float(np.abs(self.v).max(initial=0.0)), "V")),
             ("largest current", format_quantity(float(np.abs(self.i).max(initial=0.0)), "A")),
         ]
-        cells = "".join(
-            f"<tr><th>{html.escape(key)}</th><td>{html.escape(value)}</td></tr>" for key, value in rows
-        )
+        cells = "".join(f"<tr><th>{html.escape(key)}</th><td>{html.escape(value)}</td></tr>" for key, value in rows)
         return f"<table>{cells}</table>"
 
 
@@ -138,6 +136,4 @@ def _read_arrays(data: bytes, where: str) -> dict[str, Any]:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
     except (OSError, ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-        raise FileFormatError(
-            f"{where}: expected an npz file of a trace, got {error}. It may be truncated."
-        ) from error
+        raise FileFormatError(f"{where}: expected an npz file of a trace, got {error}. It may be truncated.") from error
