@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from ohmloom import __version__
 from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, sha256, validate, write_atomic
@@ -51,13 +51,20 @@ class _SynapseEntry(StrictModel):
     weight: float = Field(ge=0.0, le=1.0)
 
 
+def _exactly(count: int, value: int) -> int:
+    # Literal[6] would accept 6.0.
+    if value != count:
+        raise ValueError(count)
+    return value
+
+
 class _NetworkFile(StrictModel):
     name: str | None = None
     system: Literal["HP", "PEO", "LIN", "GA", "HET"]
     readings: Readings = Readings()
-    inputs: Literal[6]
+    inputs: Annotated[int, AfterValidator(partial(_exactly, INPUTS))]
     hidden: list[Polarity] = Field(min_length=1)
-    outputs: Literal[2]
+    outputs: Annotated[int, AfterValidator(partial(_exactly, OUTPUTS))]
     synapses: list[_SynapseEntry]
     adaptation: Adaptation = Adaptation()
     provenance: dict[str, Any] = Field(default_factory=dict)
@@ -301,8 +308,6 @@ def _check(network: Network, where: str) -> None:
             problems.append(f"{field_name}.weight: expected {INITIAL_WEIGHT} for a plastic synapse, "
                             f"got {synapse.weight}. Set it to {INITIAL_WEIGHT}.")  # fmt: skip
         elif not 0.0 <= synapse.weight <= 1.0:
-            problems.append(
-                f"{field_name}.weight: expected a number in [0, 1], got {synapse.weight}. Correct it."
-            )
+            problems.append(f"{field_name}.weight: expected a number in [0, 1], got {synapse.weight}. Correct it.")
     if problems:
         raise FileFormatError(*problems)

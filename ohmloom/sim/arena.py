@@ -118,9 +118,7 @@ class Arena:
             raise ParameterError(f"Arena.start_line: expected a line that leaves room to start, "
                                  f"got {self.start_line} m. Raise it.")  # fmt: skip
         if self.max_timesteps < 1:
-            raise ParameterError(
-                f"Arena.max_timesteps: expected at least 1, got {self.max_timesteps}. Raise it."
-            )
+            raise ParameterError(f"Arena.max_timesteps: expected at least 1, got {self.max_timesteps}. Raise it.")
 
     @classmethod
     def paper(cls, *, task: Task = "static") -> Arena:
@@ -133,7 +131,11 @@ class Arena:
 
     def settings(self) -> dict[str, Any]:
         """All constants as plain values, for run files and provenance."""
-        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
+        return asdict(self) | {
+            "lamp": list(self.lamp),
+            "sensor_points": self.sensor_points.tolist(),
+            "sensor_bearings": self.sensor_bearings.tolist(),
+        }
 
     def world(self) -> World:
         """The constants as the kernels read them."""

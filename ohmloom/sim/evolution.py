@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import multiprocessing
+import multiprocessing.connection
 import os
 import signal
 import threading
@@ -153,9 +154,7 @@ def _claim(folder: Path, settings: EvolutionSettings) -> None:
         found = parse_json(read_bytes(path, "run"), str(path))
         difference = _first_difference(found, json.loads(json.dumps(wanted)), "")
         if difference:
-            raise SettingsConflictError(
-                f"{path}: {difference}. Use another --out, or the settings of that run."
-            )
+            raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the settings of that run.")
         return
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, "
@@ -191,9 +190,7 @@ def _run_repeat(
     checkpoint = folder / "populations" / f"{_stem(settings, repeat)}.json"
     key = (list(SYSTEMS).index(settings.system), repeat)
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    population = PopulationState(
-        settings.arena(), rng, starts=settings.starts, reevaluate=settings.reevaluate
-    )
+    population = PopulationState(settings.arena(), rng, starts=settings.starts, reevaluate=settings.reevaluate)
     rows: list[dict[str, float]] = []
     if checkpoint.exists():
         saved = parse_json(read_bytes(checkpoint, "checkpoint"), str(checkpoint))
@@ -272,8 +269,7 @@ def _collect(folder: Path, settings: EvolutionSettings) -> Evolution:
         repeats.append(outcome)
         first = "" if outcome.first_solved is None else outcome.first_solved
         rows.append(
-            {"repeat": k, "first_solved_generation": first}
-            | {n: v for n, v in last.items() if n != "generation"}
+            {"repeat": k, "first_solved_generation": first} | {n: v for n, v in last.items() if n != "generation"}
         )
     write_atomic(folder / "tables" / "summary.csv", _csv(rows))
     return Evolution(settings=settings, out=folder, repeats=tuple(repeats))
@@ -302,12 +298,23 @@ def _stop_on_interrupt() -> Iterator[Callable[[], bool]]:
 _worker_stop: Any = None
 _worker_reports: Any = None
 _worker_parent = 0
+_worker_busy = threading.Lock()
 
 
 def _start_worker(stop: Any, reports: Any, parent: int) -> None:
     global _worker_stop, _worker_reports, _worker_parent
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _worker_stop, _worker_reports, _worker_parent = stop, reports, parent
+    threading.Thread(target=_end_with_driver, daemon=True).start()
+
+
+def _end_with_driver() -> None:
+    """A worker whose driver was killed would wait for its next task for ever; what it is doing is saved first."""
+    driver = multiprocessing.parent_process()
+    if driver is not None:
+        multiprocessing.connection.wait([driver.sentinel])
+        with _worker_busy:
+            os._exit(1)
 
 
 def _work(settings: EvolutionSettings, folder: Path, repeat: int) -> bool:
@@ -315,7 +322,8 @@ def _work(settings: EvolutionSettings, folder: Path, repeat: int) -> bool:
         # A worker whose driver was killed must not live on.
         return bool(_worker_stop.is_set()) or os.getppid() != _worker_parent
 
-    return _run_repeat(settings, folder, repeat, stopped, lambda k, row: _worker_reports.put((k, row)))
+    with _worker_busy:
+        return _run_repeat(settings, folder, repeat, stopped, lambda k, row: _worker_reports.put((k, row)))
 
 
 def _run_pool(
@@ -353,9 +361,7 @@ def _run_pool(
         except BrokenProcessPool as error:
             if stopped():
                 return  # Ctrl-C reaches a worker too, and one that is still starting dies of it.
-            raise OperationError(
-                f"{folder}: a worker process died. Run the same command again to resume."
-            ) from error
+            raise OperationError(f"{folder}: a worker process died. Run the same command again to resume.") from error
         finally:
             stop.set()
     # A worker sends its last rows before it ends, which may be after its result was seen.
