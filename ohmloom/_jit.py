@@ -52,9 +52,23 @@ def kernel(function: F) -> F:
 
 
 def inner_kernel(function: F) -> F:
-    """Compile a closure that only other kernels call; it is compiled into them and not cached by itself."""
+    """Compile a function that only other kernels call; it is compiled into them and not cached by itself."""
     compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy")(function)
     return compiled
+
+
+def closure_kernel(tag: str) -> Callable[[F], F]:
+    """Compile a closure, like `inner_kernel`, under a name that no other closure of its factory has.
+
+    The linker tells closures apart by qualified name and a count kept per process, so that one from the cache and
+    a fresh one of the same factory could otherwise be taken for each other, and give wrong numbers.
+    """
+
+    def compile_named(function: F) -> F:
+        function.__qualname__ = f"{function.__qualname__}.{tag}"
+        return inner_kernel(function)
+
+    return compile_named
 
 
 def _lowest_bit_plain(mask: int) -> int:

@@ -60,5 +60,5 @@ class OperationError(OhmloomError, RuntimeError):
     """Something outside ohmloom failed: a full disk, a worker that died, a tool that crashed."""
 
 
-class Interrupted(OhmloomError, KeyboardInterrupt):  # noqa: N818 - named like the built-in it specialises
-    """The user stopped a run; carries the command that resumes it."""
+class Interrupted(OhmloomError):  # noqa: N818 - an event, not a fault
+    """The user stopped a run, and everything finished was kept. Raised after a KeyboardInterrupt was dealt with."""

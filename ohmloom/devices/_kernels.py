@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ohmloom._jit import inner_kernel, kernel
-from ohmloom.devices._pulse_kernels import build_pulses, closure_kernel
+from ohmloom._jit import closure_kernel, inner_kernel, kernel
+from ohmloom.devices._pulse_kernels import build_pulses
 from ohmloom.devices.laws import LAWS
 
 LAW_NAMES: tuple[str, ...] = tuple(LAWS)

@@ -11,11 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
-from ohmloom._jit import inner_kernel
-
-F = TypeVar("F", bound=Callable[..., Any])
+from ohmloom._jit import closure_kernel
 
 # Gauss-Legendre collocation with three stages on [0, 1]; the nodes' offsets are +-sqrt(15)/10.
 _R = math.sqrt(15.0)
@@ -38,20 +36,6 @@ SETTLED = 4e-16
 
 # A change of s too small to matter to anything.
 STILL = 1e-18
-
-
-def closure_kernel(tag: str) -> Callable[[F], F]:
-    """Compile a closure under a name that no other closure of its factory has.
-
-    The linker tells closures apart by qualified name and a count kept per process, so that one from the cache and
-    a fresh one of the same factory could otherwise be taken for each other, and give wrong numbers.
-    """
-
-    def compile_named(function: F) -> F:
-        function.__qualname__ = f"{function.__qualname__}.{tag}"
-        return inner_kernel(function)
-
-    return compile_named
 
 
 def build_pulses(

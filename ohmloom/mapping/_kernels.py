@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from ohmloom._arrays import FloatArray, IntArray
 from ohmloom._jit import kernel
 from ohmloom.devices._kernels import conductance, current_pulse, metered_pulse
 from ohmloom.neurocontroller._kernels import INPUTS, STEPS, classify, membrane
@@ -26,23 +28,23 @@ class Fabric(NamedTuple):
 
     neurons: int
     tiles: int
-    starts: np.ndarray  # (receiver + 1,)
-    sender: np.ndarray  # (synapse,)
-    receiver: np.ndarray
-    tile: np.ndarray
-    column: np.ndarray  # (synapse,) index of the bit line within its tile
-    polarity: np.ndarray
-    tap: np.ndarray
-    first_state: np.ndarray
-    event_charge: np.ndarray  # (synapse,) [C]
-    threshold: np.ndarray  # (synapse,) [V]
-    law: np.ndarray  # (tile,)
-    parameters: np.ndarray  # (tile, parameter)
-    charge_scale: np.ndarray  # (tile,) q_d [C]
-    reference: np.ndarray  # (tile,) conductance that is subtracted [S]
-    gain: np.ndarray  # (tile,) 1 / (V_read (G_on - reference)) [1/A]
-    is_plastic: np.ndarray  # (tile,)
-    levels: np.ndarray  # (ls,) line voltage [V]
+    starts: IntArray  # (receiver + 1,)
+    sender: IntArray  # (synapse,)
+    receiver: IntArray
+    tile: IntArray
+    column: IntArray  # (synapse,) index of the bit line within its tile
+    polarity: FloatArray
+    tap: IntArray
+    first_state: FloatArray
+    event_charge: FloatArray  # (synapse,) [C]
+    threshold: FloatArray  # (synapse,) [V]
+    law: IntArray  # (tile,)
+    parameters: FloatArray  # (tile, parameter)
+    charge_scale: FloatArray  # (tile,) q_d [C]
+    reference: FloatArray  # (tile,) conductance that is subtracted [S]
+    gain: FloatArray  # (tile,) 1 / (V_read (G_on - reference)) [1/A]
+    is_plastic: npt.NDArray[np.bool_]  # (tile,)
+    levels: FloatArray  # (ls,) line voltage [V]
     drive: int
     parallelism: int
     pulse_voltage: float
@@ -65,19 +67,19 @@ class Fabric(NamedTuple):
 class FabricState(NamedTuple):
     """What changes while a die runs."""
 
-    y: np.ndarray  # (neuron,)
-    ls: np.ndarray  # (neuron,)
-    ring: np.ndarray  # (slot, neuron) shift registers of the rows
-    clock: np.ndarray  # [step]
-    state: np.ndarray  # (synapse,) s
-    g: np.ndarray  # (synapse,) [S]
-    pulses: np.ndarray  # (synapse,)
-    busy: np.ndarray  # (tile, column, polarity) programming time of this step [s]
-    total: np.ndarray  # (TOTALS,)
+    y: FloatArray  # (neuron,)
+    ls: IntArray  # (neuron,)
+    ring: npt.NDArray[np.bool_]  # (slot, neuron) shift registers of the rows
+    clock: IntArray  # [step]
+    state: FloatArray  # (synapse,) s
+    g: FloatArray  # (synapse,) [S]
+    pulses: IntArray  # (synapse,)
+    busy: FloatArray  # (tile, column, polarity) programming time of this step [s]
+    total: FloatArray  # (TOTALS,)
 
 
 @kernel
-def reset_activity(f, s):
+def reset_activity(f: Fabric, s: FabricState) -> None:
     s.y[:] = f.c_ini
     s.ls[:] = 0
     s.ring[:] = False
@@ -85,7 +87,7 @@ def reset_activity(f, s):
 
 
 @kernel
-def reset(f, s):
+def reset(f: Fabric, s: FabricState) -> None:
     """Every device back to its programmed state; the ledger too."""
     reset_activity(f, s)
     s.state[:] = f.first_state
@@ -97,7 +99,10 @@ def reset(f, s):
 
 
 @kernel
-def read_column(f_starts, sender, tile, polarity, tap, reference, gain, voltage, ring, now, g, receiver):
+def read_column(
+    starts: IntArray, sender: IntArray, tile: IntArray, polarity: FloatArray, tap: IntArray, reference: FloatArray,
+    gain: FloatArray, voltage: float, ring: npt.NDArray[np.bool_], now: int, g: FloatArray, receiver: int,
+) -> tuple[float, float]:  # fmt: skip
     """Column-serial read of one receiver: sum over its tiles of (column - reference current) * gain.
 
     Each row is driven at its polarity if the tap of its shift register holds a spike. Returns the weighted sum and
@@ -106,7 +111,7 @@ def read_column(f_starts, sender, tile, polarity, tap, reference, gain, voltage,
     slots = ring.shape[0]
     total, power = 0.0, 0.0
     current, subtracted, open_tile = 0.0, 0.0, -1
-    for k in range(f_starts[receiver], f_starts[receiver + 1]):
+    for k in range(starts[receiver], starts[receiver + 1]):
         if tile[k] != open_tile:
             if open_tile >= 0:
                 total += (current - subtracted) * gain[open_tile]
@@ -123,7 +128,7 @@ def read_column(f_starts, sender, tile, polarity, tap, reference, gain, voltage,
 
 
 @kernel
-def _program(f, s):
+def _program(f: Fabric, s: FabricState) -> None:
     """Two-part spikes on rows and columns: every device above its threshold gets one event through its own law."""
     levels, law, parameters, q_d = f.levels, f.law, f.parameters, f.charge_scale
     sender, receiver, tiles, columns = f.sender, f.receiver, f.tile, f.column
@@ -153,9 +158,7 @@ def _program(f, s):
             )
         else:
             duration = f.pulse_duration
-            state[k], energy, _ = current_pulse(
-                law[t], state[k], parameters[t], q_d[t], charge / duration, duration
-            )
+            state[k], energy, _ = current_pulse(law[t], state[k], parameters[t], q_d[t], charge / duration, duration)
         g[k] = conductance(law[t], state[k], 0.0, parameters[t])
         side = 0 if fired > 0 else 1
         if f.parallelism == ARRAY:
@@ -171,7 +174,7 @@ def _program(f, s):
 
 
 @kernel
-def _account_time(busy, total):
+def _account_time(busy: FloatArray, total: FloatArray) -> None:
     """All tiles are programmed side by side at the end of a step; within one, columns side by side."""
     worst = 0.0
     for t in range(busy.shape[0]):
@@ -183,7 +186,7 @@ def _account_time(busy, total):
 
 
 @kernel
-def run_steps(f, s, sensors, spiked, last_spike, steps):
+def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, last_spike: int, steps: int) -> None:
     """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike."""
     slots = s.ring.shape[0]
     neurons, a, b, c, clamp, gain = f.neurons, f.a, f.b, f.c, f.clamp, f.synapse_gain
@@ -218,7 +221,7 @@ def run_steps(f, s, sensors, spiked, last_spike, steps):
 
 
 @kernel
-def timestep(f, s, sensors, spiked, last_spike):
+def timestep(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, last_spike: int) -> int:
     """21 steps; `spiked` (neuron,) becomes the spike counts. Returns the action."""
     if not f.carry:
         reset_activity(f, s)

@@ -68,10 +68,10 @@ def sample(plan: Plan, *, seed: int, die: int = 0) -> Die:
         stream = np.random.SeedSequence(seed, spawn_key=(EFFECTS[effect], die))
         return np.random.default_rng(stream).standard_normal(n)
 
-    states = np.empty(n)
+    states, devices = np.empty(n), plan.hardware.devices
     errors = spread.write_verify.value * normal("write_verify")
     for k, (point, error) in enumerate(zip(plan.crosspoints, errors, strict=True)):
-        device = plan.hardware.devices[plan.tiles[point.tile].kind]
+        device = devices[plan.tiles[point.tile].kind]
         g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
         if error == 0.0:
             states[k] = point.state

@@ -136,19 +136,22 @@ class EmulatedController:
     @property
     def conductances(self) -> FloatArray:
         """Conductance of each synapse's device [S], in the network's order."""
-        return self._in_order(self._state.g)
+        values: FloatArray = self._in_order(self._state.g)
+        return values
 
     @property
     def states(self) -> FloatArray:
         """State s of each synapse's device, in [0, 1], in the network's order."""
-        return self._in_order(self._state.state)
+        values: FloatArray = self._in_order(self._state.state)
+        return values
 
     @property
     def weights(self) -> FloatArray:
         """Weights as the periphery reads them, in the network's order: (G - reference) / (G_on - reference)."""
         tile = self._fabric.tile
         gain = self._fabric.gain[tile] * self._fabric.read_voltage
-        return self._in_order((self._state.g - self._fabric.reference[tile]) * gain)
+        values: FloatArray = self._in_order((self._state.g - self._fabric.reference[tile]) * gain)
+        return values
 
     @property
     def membranes(self) -> FloatArray:
@@ -196,8 +199,9 @@ class EmulatedController:
         for point, place, now in zip(self.die.plan.crosspoints, self._order, self.weights, strict=True):
             if now != weights[point.synapse]:
                 kind = tiles[point.tile].kind
-                s.state[place] = devices[kind].state_at_weight(_read_weight(devices[kind], kind, weights[point.synapse]))
-                s.g[place] = devices[kind].conductance(s.state[place])
+                device = devices[kind]
+                s.state[place] = device.state_at_weight(_read_weight(device, kind, weights[point.synapse]))
+                s.g[place] = device.conductance(s.state[place])
 
     def _in_order(self, values: Any) -> Any:
         return values[self._order]
@@ -225,7 +229,8 @@ def _fabric(die: Die, perturb: float) -> tuple[Any, IntArray]:
     order = np.lexsort((rows, tiles, posts))
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    devices = [hardware.devices[tile.kind] for tile in plan.tiles]
+    cards = hardware.devices
+    devices = [cards[tile.kind] for tile in plan.tiles]
     width = max((len(device.parameters) for device in devices), default=1)
     parameters = np.zeros((len(devices), width))
     for t, device in enumerate(devices):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ohmloom._files import StrictModel, check_format, parse_toml, read_bytes, sha256, validate
 from ohmloom.devices import Device
@@ -104,10 +104,22 @@ class LimitSpec(StrictModel):
     endurance: Positive | None = None
 
 
+@cache
+def _shipped_card(name: str) -> Device:
+    return Device.load(name)
+
+
+def _known_kinds(cards: dict[str, str]) -> dict[str, str]:
+    unknown = [kind for kind in cards if kind not in KINDS]
+    if unknown:
+        raise ValueError(f"only {', '.join(KINDS)} as keys, not {unknown[0]!r}")
+    return cards
+
+
 class _HardwareFile(StrictModel):
     name: str = Field(min_length=1)
     description: str
-    cards: dict[Literal["hp", "peo_pani", "linear", "constant"], str] = Field(min_length=1)
+    cards: Annotated[dict[str, str], AfterValidator(_known_kinds)] = Field(min_length=1)
     array: ArraySpec
     wires: WireSpec
     drive: DriveSpec
@@ -172,10 +184,15 @@ class Hardware(_HardwareFile):
                                       "law 'linear'. Use an hp or peo_pani card.")  # fmt: skip
         return hardware
 
-    @cached_property
+    @property
     def devices(self) -> dict[str, Device]:
         """Device card of each kind that this hardware can build, in the order of the kinds."""
-        return {kind: Device.load(self.cards[kind]) for kind in KINDS if kind in self.cards}
+        shipped = Device.names()
+        return {
+            kind: _shipped_card(card) if card in shipped else Device.load(card)
+            for kind in KINDS
+            if (card := self.cards.get(kind)) is not None
+        }
 
     @property
     def sha256(self) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
+from ohmloom.devices import Device
 from ohmloom.errors import FileFormatError, MappingError
 from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.waveform import check_rule
@@ -161,18 +162,18 @@ def place(network: Network, hardware: Hardware) -> Plan:
     _check_kinds(network, hardware)
     kinds = [kind for kind in KINDS if any(s.kind == kind for s in network.synapses)]
     tiles = tuple(_tile(network, hardware, kind) for kind in kinds)
+    devices = hardware.devices
     crosspoints = []
     for k, synapse in enumerate(network.synapses):
         index = kinds.index(synapse.kind)
-        tile, device = tiles[index], hardware.devices[synapse.kind]
-        state = _initial_state(network, hardware, k)
-        crosspoints.append(
-            Crosspoint(
-                synapse=k, tile=index, row=tile.rows.index(synapse.pre), column=tile.columns.index(synapse.post),
-                polarity=int(network.sign(synapse.pre)), tap=network.delay(synapse), state=state,
-                conductance=float(device.conductance(state)),
-            )  # fmt: skip
-        )
+        tile, device = tiles[index], devices[synapse.kind]
+        state = _initial_state(network, device, k)
+        point = Crosspoint(
+            synapse=k, tile=index, row=tile.rows.index(synapse.pre), column=tile.columns.index(synapse.post),
+            polarity=int(network.sign(synapse.pre)), tap=network.delay(synapse), state=state,
+            conductance=float(device.conductance(state)),
+        )  # fmt: skip
+        crosspoints.append(point)
     return Plan(network=network, hardware=hardware, tiles=tiles, crosspoints=tuple(crosspoints))
 
 
@@ -214,7 +215,8 @@ def _tile(network: Network, hardware: Hardware, kind: str) -> Tile:
         ("max_columns", [*columns, *([-1] if has_reference else [])], hardware.array.max_columns),
     ):
         if len(lines) > limit:
-            first_out = next(k for k, s in enumerate(network.synapses) if s.kind == kind and _is_beyond(s, lines, limit, name))
+            of_kind = (k for k, s in enumerate(network.synapses) if s.kind == kind)
+            first_out = next(k for k in of_kind if _is_beyond(network.synapses[k], lines, limit, name))
             raise MappingError(f"{hardware.name}: array.{name}: expected at least {len(lines)} for the {kind} tile of "
                                f"{network.name}, got {limit}; synapses[{first_out}] is the first without a line. "
                                "Enlarge the array.")  # fmt: skip
@@ -229,9 +231,8 @@ def _is_beyond(synapse: Any, lines: Sequence[int], limit: int, name: str) -> boo
     return lines.index(neuron) >= limit - (1 if lines[-1] == -1 else 0)
 
 
-def _initial_state(network: Network, hardware: Hardware, k: int) -> float:
+def _initial_state(network: Network, device: Device, k: int) -> float:
     synapse = network.synapses[k]
-    device = hardware.devices[synapse.kind]
     g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
     wanted = synapse.weight * (g_on - g_off) + g_off if reads_with_reference(synapse.kind) else synapse.weight * g_on
     if wanted < g_off * (1.0 - WEIGHT_TOLERANCE):

@@ -1,5 +1,6 @@
 """The spiking net: network files, discrete controller (plain and compiled), variation."""
 
+from ohmloom.neurocontroller.champions import champion
 from ohmloom.neurocontroller.controller import ACTIONS, SpikingController
 from ohmloom.neurocontroller.kinds import KINDS, LATTICES, SYSTEMS, Lattice
 from ohmloom.neurocontroller.network import Adaptation, Network, Synapse
@@ -17,5 +18,6 @@ __all__ = [
     "Readings",
     "SpikingController",
     "Synapse",
+    "champion",
     "mutate",
 ]

@@ -191,8 +191,6 @@ class _Pair:
             else:
                 self.different_spikes += different.size
                 if self.first_divergence is None:
-                    self.first_divergence = Divergence(
-                        timestep=len(self.rms), step=step, neuron=int(different[0])
-                    )
+                    self.first_divergence = Divergence(timestep=len(self.rms), step=step, neuron=int(different[0]))
         self._bound[spiked] = 0.0
         return spiked, emulated

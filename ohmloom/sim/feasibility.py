@@ -27,10 +27,15 @@ from ohmloom.sim.trial import Trial, run_trial
 START_STREAM = 100  # beside the streams of ohmloom.mapping.die.EFFECTS
 LATTICE_TOLERANCE = 1e-12
 NOT_MODELLED = (
-    "wire resistance, IR drop and sneak paths", "line capacitance and settling", "read noise and converters",
-    "stuck devices, forming and repair", "half-select and read disturb below the threshold", "retention and temperature",
-    "spread of neurons (threshold, leak, bias, offset)", "energy and area of drivers, meters and routing",
-)  # fmt: skip
+    "wire resistance, IR drop and sneak paths",
+    "line capacitance and settling",
+    "read noise and converters",
+    "stuck devices, forming and repair",
+    "half-select and read disturb below the threshold",
+    "retention and temperature",
+    "spread of neurons (threshold, leak, bias, offset)",
+    "energy and area of drivers, meters and routing",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,11 +94,11 @@ class Feasibility:
     @classmethod
     def load(cls, path: Path | str) -> Feasibility:
         """Read what `save` wrote, without plan and traces."""
-        table = check_format(parse_json(read_bytes(path, "feasibility"), str(path)), str(path), "ohmloom.feasibility", 1)
+        where = str(path)
+        table = check_format(parse_json(read_bytes(path, "feasibility"), where), where, "ohmloom.feasibility", 1)
         try:
-            success = table["success"]
-            if success is not None:
-                success = Success(**{k: tuple(v) if isinstance(v, list) else v for k, v in success.items()})
+            saved: dict[str, Any] | None = table["success"]
+            success = None if saved is None else Success(**{k: _tuple(v) for k, v in saved.items()})
             return cls(
                 verdict=table["verdict"], reasons=tuple(table["reasons"]),
                 figures=tuple(f.Figure(**figure) for figure in table["figures"]), success=success,
@@ -168,6 +173,10 @@ def feasibility(
     )  # fmt: skip
 
 
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Sampled:
     success: Success | None
@@ -181,9 +190,7 @@ def _start(seed: int, die: int) -> int:
     return int(stream.generate_state(1, np.uint64)[0])
 
 
-def _sample(
-    plan: Plan, arena: Arena, dies: int, seed: int, progress: Callable[[int, int], None] | None
-) -> _Sampled:
+def _sample(plan: Plan, arena: Arena, dies: int, seed: int, progress: Callable[[int, int], None] | None) -> _Sampled:
     ideal, hardware, ledgers = [], [], []
     first_trial = None
     controller = SpikingController(plan.network)

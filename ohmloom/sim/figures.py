@@ -174,7 +174,8 @@ def energy_per_timestep(hardware: Hardware, ledger: Ledger) -> Figure:
     if power is not None:
         spread = None if power.range is None else (power.range[0] * TIMESTEP, power.range[1] * TIMESTEP)
         limit = Quantity(value=power.value * TIMESTEP, source=power.source, range=spread)
-    detail = f"{ledger.pulses / _timesteps(ledger):.0f} pulses per timestep; the limit is that of the power times 32 ms."
+    pulses = ledger.pulses / _timesteps(ledger)
+    detail = f"{pulses:.0f} pulses per timestep; the limit is that of the power times 32 ms."
     return _figure("energy_per_timestep", energy, "J", limit, inputs, detail, low_is_good=True)
 
 
@@ -191,13 +192,15 @@ def pulses_per_device(hardware: Hardware, ledger: Ledger) -> Figure:
             range=(min(ends), max(ends)) if is_assumed else None,
         )  # fmt: skip
     detail = f"the busiest device in a trial of {_timesteps(ledger):.0f} timesteps."
-    return _figure("pulses_per_device", lambda _: float(ledger.most_pulses), "pulses", limit, {}, detail, low_is_good=True)
+    most = float(ledger.most_pulses)
+    return _figure("pulses_per_device", lambda _: most, "pulses", limit, {}, detail, low_is_good=True)
 
 
 def endurance(hardware: Hardware, ledger: Ledger) -> Figure:
     """Trials until the busiest device has had the pulses it survives."""
     inputs = {"endurance.pulses": hardware.endurance.pulses}
-    detail = f"the busiest device gets {ledger.most_pulses} pulses a trial and survives {hardware.endurance.pulses.value:g}."
+    survives = hardware.endurance.pulses.value
+    detail = f"the busiest device gets {ledger.most_pulses} pulses a trial and survives {survives:g}."
     return _figure(
         "endurance", lambda at: at["endurance.pulses"] / max(ledger.most_pulses, 1), "trials",
         hardware.limits.endurance, inputs, detail, low_is_good=False,

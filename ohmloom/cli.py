@@ -1,0 +1,358 @@
+"""The command line: parse, call one public function, print.
+
+Results go to stdout (``--json`` for machines), progress and errors to stderr, files only where ``--out`` says. Exit
+codes: 0 done, 1 the check said no, 2 bad input or usage, 3 operational failure, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
+
+import typer
+
+from ohmloom import __version__
+from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
+
+if TYPE_CHECKING:
+    from ohmloom.sim import Feasibility
+
+app = typer.Typer(
+    name="ohmloom", no_args_is_help=True, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
+    help="Can this evolved spiking controller be built out of real memristors, and will it still do its job?",
+)  # fmt: skip
+device_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Device cards: what one memristor does.")
+app.add_typer(device_app, name="device")
+
+INTERRUPTED = 130
+System = Literal["HP", "PEO", "LIN", "GA", "HET"]
+Task = Literal["static", "dynamic"]
+NetArgument = Annotated[Path, typer.Argument(metavar="NET", help="Network file (*.net.json).")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Every random number follows from it.")]
+HardwareHelp = "Shipped spec (ideal, hp_1t1r, het_mixed) or a TOML file."
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit; errors are one line on stderr, without a traceback."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    verbose = "--verbose" in words
+    words = [word for word in words if word != "--verbose"]
+    try:
+        code = app(words, standalone_mode=False)
+        sys.stdout.flush()
+        if code == INTERRUPTED:
+            _fail("interrupted", INTERRUPTED)
+        sys.exit(code if isinstance(code, int) else 0)
+    except (typer.Abort, KeyboardInterrupt):
+        _fail("interrupted", INTERRUPTED)
+    except Interrupted as error:
+        _fail(f"{error} Resume with: ohmloom {shlex.join(words)}", INTERRUPTED)
+    except OhmloomError as error:
+        more = len(error.problems) - 1
+        text = str(error) if verbose else error.problems[0] + (f" (and {more} more; see --verbose)" if more else "")
+        _fail(text, 3 if isinstance(error, OperationError) else 2)
+    except typer.TyperException as error:
+        message = error.format_message().replace("Value error, ", "")
+        _fail(f"{message} See 'ohmloom --help'.", 2)
+    except BrokenPipeError:
+        # The reader of our output is gone; nothing is left to tell it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(3)
+    except OSError as error:
+        _fail(f"{error.filename or 'system'}: expected to read and write files, got {error.strerror or error}.", 3)
+
+
+def _fail(text: str, code: int) -> NoReturn:
+    print(f"ohmloom: {text}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    # Neither is used here: the callback prints the version, and `main` takes --verbose out before parsing.
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="On bad input, print every problem that was found.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def evolve(
+    system: Annotated[System, typer.Option(help="Kinds of synapse: HP, PEO, LIN, GA (constant) or HET (mixed).")],
+    out: Annotated[Path, typer.Option(help="Run folder; the same command resumes it.")],
+    repeats: Annotated[int, typer.Option(min=1, help="Independent repeats.")] = 1,
+    generations: Annotated[int, typer.Option(min=0, help="Generations after the first.")] = 1000,
+    population: Annotated[int, typer.Option(min=3, help="Networks per population.")] = 100,
+    seed: SeedOption = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes; they do not change the result.")] = 1,
+    task: Annotated[Task, typer.Option(help="One goal, or a goal that moves.")] = "static",
+    starts: Annotated[int, typer.Option(min=1, help="Fitness is the mean over this many starts (1: the paper's).")] = 1,
+    reevaluate: Annotated[bool, typer.Option("--reevaluate", help="Try a parent again whenever it is used.")] = False,
+    json_: JsonOption = False,
+) -> None:
+    """Evolve spiking networks with plastic memristive synapses."""
+    from ohmloom.sim import EvolutionSettings
+    from ohmloom.sim import evolve as run
+
+    settings = EvolutionSettings(
+        system=system, repeats=repeats, generations=generations, population=population, seed=seed, task=task,
+        starts=starts, reevaluate=reevaluate,
+    )  # fmt: skip
+    _say(f"{system}, {repeats} repeats of {generations} generations, seed {seed} (compiling at the first run)")
+    with _bars({k: f"{system} {k}" for k in range(repeats)}, generations) as update:
+        evolution = run(
+            settings, out=out, workers=workers,
+            report=lambda k, row: update(k, int(row["generation"]), f"best {row['best_fitness']:.0f}, "
+                                         f"success {row['best_success']:.0%}, mean {row['mean_fitness']:.0f}"),
+        )  # fmt: skip
+    if json_:
+        _print_json({"out": str(out), "settings": settings.model_dump(), "repeats": [
+            {"repeat": r.repeat, "best_fitness": r.best_fitness, "best_success": r.best_success,
+             "mean_fitness": r.mean_fitness, "first_solved": r.first_solved, "network": str(r.network)}
+            for r in evolution.repeats
+        ]})  # fmt: skip
+        return
+    for r in evolution.repeats:
+        first = "never" if r.first_solved is None else f"in generation {r.first_solved}"
+        print(f"{r.network}: fitness {r.best_fitness:.1f}, goal from {r.best_success:.0%} of its starts, "
+              f"first reached {first}")  # fmt: skip
+
+
+@app.command("map")
+def map_network(
+    net: NetArgument,
+    hardware: Annotated[str, typer.Option(help=HardwareHelp)],
+    out: Annotated[Path, typer.Option(help="Folder for plan.json, placement.csv and crossbars.png.")],
+    json_: JsonOption = False,
+) -> None:
+    """Place a network on a crossbar: which synapse on which device, line and conductance."""
+    from ohmloom.mapping import Hardware, place
+    from ohmloom.neurocontroller import Network
+    from ohmloom.report.output import save_plan
+
+    plan = place(Network.load(net), Hardware.load(hardware))
+    _check_folder(out)
+    paths = save_plan(plan, out)
+    if json_:
+        _print_json({"plan": str(paths[0]), "files": [str(p) for p in paths], "tiles": [
+            {"kind": t.kind, "card": t.card, "rows": len(t.rows), "columns": len(t.columns)} for t in plan.tiles
+        ], "synapses": len(plan.crosspoints), "assumed": _assumed(plan.hardware)})  # fmt: skip
+        return
+    for tile in plan.tiles:
+        extra = ", plus a reference column" if tile.has_reference else ""
+        print(f"{tile.kind}: {len(tile.rows)} rows x {len(tile.columns)} columns of {tile.card}{extra}")
+    print(f"all {len(plan.crosspoints)} synapses placed")
+    for line in _assumed(plan.hardware):
+        print(f"assumed: {line}")
+    for path in paths:
+        print(path)
+
+
+@app.command()
+def evaluate(
+    nets: Annotated[list[Path], typer.Argument(metavar="NET...", help="Network files (*.net.json).")],
+    hardware: Annotated[list[str], typer.Option(help=HardwareHelp + " May be repeated.")],
+    dies: Annotated[int, typer.Option(min=0, help="Sampled pieces of hardware; 0: only what needs none.")] = 200,
+    seed: SeedOption = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for report.html, report.json and plan.json.")] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Would this network work on this hardware, and why (not)? Exit code 0 for PASS, else 1."""
+    from ohmloom.mapping import Hardware, place
+    from ohmloom.neurocontroller import Network
+    from ohmloom.report.output import save_study
+    from ohmloom.sim import feasibility
+
+    pairs = [(net, name, Network.load(net), Hardware.load(name)) for net in nets for name in hardware]
+    for _, _, network, spec in pairs:
+        place(network, spec)
+    if out is not None:
+        _check_folder(out)
+    studies = []
+    for net, name, network, spec in pairs:
+        _say(f"{network.name} on {spec.name}, {dies} dies, seed {seed} (compiling at the first run)")
+        with _bars({0: "dies"}, dies) as update:
+            study = feasibility(network, spec, dies=dies, seed=seed, progress=lambda k, _: update(0, k, ""))
+        studies.append(study)
+        if out is not None:
+            folder = out if len(pairs) == 1 else out / f"{network.name}_{spec.name}"
+            command = shlex.join(["ohmloom", "evaluate", str(net), "--hardware", name, "--dies", str(dies),
+                                  "--seed", str(seed)])  # fmt: skip
+            save_study(study, folder, command=command)
+            _say(f"wrote {folder / 'report.html'} and {folder / 'report.json'}")
+        if not json_:
+            _print_study(study)
+    if json_:
+        tables = [study.to_dict() for study in studies]
+        _print_json(tables[0] if len(tables) == 1 else {"pairs": tables})
+    raise typer.Exit(0 if all(study.verdict == "PASS" for study in studies) else 1)
+
+
+@app.command()
+def replay(
+    net: NetArgument,
+    out: Annotated[Path, typer.Option(help="FILE.html, FILE.gif or FILE.png.")],
+    hardware: Annotated[str | None, typer.Option(help=HardwareHelp + " Without it: the ideal controller.")] = None,
+    seed: SeedOption = 0,
+    task: Annotated[Task | None, typer.Option(help="Default: the network's own.")] = None,
+) -> None:
+    """Show one trial: robot, sensors, spikes and weights, as a page, an animation or a figure."""
+    from ohmloom.mapping import Hardware
+    from ohmloom.neurocontroller import Network
+    from ohmloom.report.output import check_suffix, replay_network
+
+    check_suffix(out)
+    network = Network.load(net)
+    spec = None if hardware is None else Hardware.load(hardware)
+    trial = replay_network(network, out, hardware=spec, seed=seed, task=task)
+    end = "goal reached" if trial.solved else "goal not reached"
+    print(f"{out}: {end} in {trial.timesteps} timesteps, {trial.bumps} bumps, seed {seed}")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for what it makes.")] = Path("ohmloom-demo"),
+) -> None:
+    """Every piece once, on shipped inputs, computed now, in under a minute."""
+    from ohmloom.report.demo import run_demo
+
+    _check_folder(out)
+    run_demo(out, say=print)
+
+
+@app.command()
+def doctor(json_: JsonOption = False) -> None:
+    """Say what works here: versions, compiled kernels, tools."""
+    from ohmloom.report.doctor import examine
+
+    findings = examine()
+    works = all(finding.works for finding in findings if finding.is_core)
+    if json_:
+        _print_json({"works": works, "findings": [vars(finding) for finding in findings]})
+    else:
+        for finding in findings:
+            mark = "ok" if finding.works else ("FAIL" if finding.is_core else "absent")
+            print(f"{mark:7}{finding.name:18}{finding.detail}")
+        print("the core works" if works else "the core does not work")
+    raise typer.Exit(0 if works else 1)
+
+
+@device_app.command("list")
+def device_list(json_: JsonOption = False) -> None:
+    """List the shipped device cards."""
+    from ohmloom.devices import Device
+
+    devices = [Device.load(name) for name in Device.names()]
+    if json_:
+        _print_json([{"name": d.name, "law": d.law, "parameters": d.parameters} for d in devices])
+        return
+    for d in devices:
+        print(f"{d.name:16}{d.law:18}" + ", ".join(f"{k} = {v:g}" for k, v in d.parameters.items()))
+
+
+@device_app.command("show")
+def device_show(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Shipped card, or a TOML file.")],
+    json_: JsonOption = False,
+) -> None:
+    """Show one card: law, parameters in SI, and where each value comes from."""
+    from ohmloom.devices import LAWS, Device
+
+    d = Device.load(name)
+    units = {p.name: p.unit for p in LAWS[d.law].parameters}
+    if json_:
+        _print_json({"name": d.name, "law": d.law, "charge_scale": d.charge_scale, "sha256": d.sha256,
+                     "parameters": {k: {"value": v, "unit": units[k], "source": d.sources[k]}
+                                    for k, v in d.parameters.items()}})  # fmt: skip
+        return
+    print(f"{d.name}: law {d.law}, charge scale q_d = {d.charge_scale:g} C")
+    for key, value in d.parameters.items():
+        print(f"  {key} = {value:g} {units[key]}  ({d.sources[key]})")
+
+
+def _print_json(table: Any) -> None:
+    print(json.dumps(table, indent=1))
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a place that cannot be a folder before any work is done for it."""
+    inside = next((p for p in [folder, *folder.parents] if p.exists()), Path())
+    if not inside.is_dir():
+        raise ParameterError(f"--out: expected a folder, got the file {inside}. Use another path.")
+    if not os.access(inside, os.W_OK):
+        raise ParameterError(f"--out: expected a folder that can be written, got {inside}. Use another path.")
+
+
+def _assumed(hardware: Any) -> list[str]:
+    from ohmloom.mapping.hardware import UNITS
+    from ohmloom.units import format_quantity
+
+    return [
+        f"{name} = {format_quantity(q.value, UNITS[name])}, {q.source.removeprefix('assumed').lstrip(': ')}"
+        for name, q in hardware.quantities().items()
+        if q.is_assumed
+    ]
+
+
+def _print_study(study: Feasibility) -> None:
+    from ohmloom.units import format_quantity
+
+    names = study.provenance
+    print(f"{names['network']} on {names['hardware']}: {study.verdict}")
+    for reason in study.reasons:
+        print(f"  - {reason}")
+    for figure in study.figures:
+        value = "-" if figure.value is None else format_quantity(figure.value, figure.unit)
+        limit = "-" if figure.limit is None else format_quantity(figure.limit, figure.unit)
+        margin = "-" if figure.margin is None else f"{figure.margin:+.3g}"
+        print(f"  {figure.name:22}{value:>16}  limit {limit:>14}  margin {margin:>10}  {figure.status}")
+    if study.success is not None:
+        s = study.success
+        print(f"  goal reached from {s.hardware:.1%} of {s.n} starts on hardware, {s.ideal:.1%} ideal")
+    held = ", ".join(f"{name} {'holds' if holds else 'DOES NOT HOLD'}" for name, holds in study.exactness.items())
+    print(f"  exactness: {held}")
+
+
+@contextmanager
+def _bars(names: dict[int, str], total: int) -> Iterator[Any]:
+    """One progress bar per name on a terminal, else a line per fifth of the way; both on stderr."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("{task.description:8}"), BarColumn(), TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+                   TimeRemainingColumn(), TextColumn("{task.fields[note]}"))  # fmt: skip
+        with Progress(*columns, console=Console(stderr=True)) as progress:
+            bars = {key: progress.add_task(name, total=total, note="") for key, name in names.items()}
+            yield lambda key, done, note: progress.update(bars[key], completed=done, note=note)
+        return
+    shown: dict[int, int] = {}
+
+    def line(key: int, done: int, note: str) -> None:
+        fifth = 5 * done // max(total, 1)
+        if fifth > shown.get(key, 0) or done == total:
+            shown[key] = fifth
+            _say(f"{names[key]}: {done} of {total}{', ' if note else ''}{note}")
+
+    yield line

@@ -1,0 +1,87 @@
+"""Every piece once, on shipped inputs, computed in this run."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ohmloom._files import write_atomic
+from ohmloom.devices import Device
+from ohmloom.mapping import Hardware, place
+from ohmloom.neurocontroller import champion
+from ohmloom.report.output import replay_network, save_plan, save_study
+from ohmloom.sim import EvolutionSettings, agreement, evolve, feasibility
+from ohmloom.units import format_quantity
+
+CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 10, 1
+EVOLUTION = EvolutionSettings(system="HET", repeats=1, population=12, generations=12, seed=SEED)
+LOOP_CARDS = ("hp_tio2_10k", "peo_pani", "linear")
+
+
+def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
+    """Run the whole road once and write its files to `out`; `say` gets a line per step."""
+    started = time.monotonic()
+    say("ohmloom demo: nothing is downloaded and nothing is opened. The first run compiles for up to half a minute.")
+
+    say("1  devices: current and voltage of three cards")
+    say(f"   {_loops(out / 'loops.png')}")
+
+    size = f"{EVOLUTION.population} {EVOLUTION.system} networks, {EVOLUTION.generations} generations"
+    say(f"2  evolution: {size} (compiling)")
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = evolve(EVOLUTION, out=Path(folder) / "run").repeats[0]
+        write_atomic(out / "evolved.net.json", outcome.network.read_bytes())
+    say(f"   best fitness {outcome.best_fitness:.0f}; {out / 'evolved.net.json'}")
+
+    network, hardware = champion(CHAMPION), Hardware.load(HARDWARE)
+    say(f"3  mapping: the {CHAMPION} champion, {len(network.synapses)} synapses, on {HARDWARE}")
+    paths = save_plan(place(network, hardware), out / "map")
+    say(f"   {', '.join(str(path) for path in paths)}")
+
+    say("4  discrete beside emulated, every step of a trial (compiling)")
+    check = agreement(network, hardware, seed=SEED)
+    found = "every spike is equal" if check.exact else f"first difference: {check.first_divergence}"
+    say(f"   {check.ledger.steps} steps, {check.ledger.events} events: {found}, {check.ties} ties, "
+        f"weights within {check.worst_weight_error:.1e}")  # fmt: skip
+
+    say(f"5  evaluation: {DIES} dies against the ideal controller, one start each")
+    study = feasibility(network, hardware, dies=DIES, seed=SEED)
+    command = f"ohmloom evaluate {CHAMPION}.net.json --hardware {HARDWARE} --dies {DIES} --seed {SEED}"
+    save_study(study, out, command=command)
+    say(f"   verdict {study.verdict}")
+    for reason in study.reasons:
+        say(f"   - {reason}")
+
+    say("6  replay: the emulated hardware drives the robot")
+    for name in ("replay.html", "replay.png", "replay.gif"):
+        trial = replay_network(network, out / name, hardware=hardware, seed=SEED)
+    say(f"   {'goal reached' if trial.solved else 'goal not reached'} in {trial.timesteps} timesteps; "
+        f"{out / 'replay.html'}, .png, .gif")  # fmt: skip
+    say(f"done in {time.monotonic() - started:.0f} s; open {out / 'report.html'}")
+
+
+def _loops(path: Path) -> str:
+    """Pinched loops under a sine; what was drawn, in words."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    spans = []
+    for axes, name in zip(figure.subplots(1, len(LOOP_CARDS)), LOOP_CARDS, strict=True):
+        device = Device.load(name)
+        # From the start value W = 0.5, with an amplitude that moves s by a tenth of its range at the least.
+        s0, period = 0.5, 1.0
+        amplitude = 0.4 * np.pi * device.charge_scale * float(device.memristance(s0)) / period
+        t = np.linspace(0.0, period, 401)
+        trace = device.simulate(amplitude * np.sin(2 * np.pi * t / period), t, s0=s0)
+        trace.plot(axes)
+        axes.set_title(name)
+        spans.append(f"{name} moves s by {np.ptp(trace.s):.2f} at {format_quantity(amplitude, 'V')}")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
+    write_atomic(path, buffer.getvalue())
+    return "; ".join(spans) + f"; {path}"

@@ -1,0 +1,99 @@
+"""What the command line writes: the files of a plan, of a study and of a replay."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from ohmloom._files import write_atomic
+from ohmloom.errors import ParameterError
+from ohmloom.mapping import EmulatedController, Hardware, Plan, place
+from ohmloom.neurocontroller import Network, SpikingController
+from ohmloom.report.replay import FORMATS, Recording, replay
+from ohmloom.sim import Arena, Feasibility, Trial, run_trial
+from ohmloom.sim.trial import draw_trial_key
+
+
+def save_plan(plan: Plan, out: Path) -> list[Path]:
+    """Write ``plan.json``, ``placement.csv`` and ``crossbars.png`` to a folder; their paths."""
+    from ohmloom.report.crossbar_plot import plot_plan
+
+    buffer = io.StringIO()
+    rows = plan.table()
+    if rows:
+        writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    picture = io.BytesIO()
+    plot_plan(plan).savefig(picture, format="png", dpi=150, metadata={"Software": None})
+    paths = [out / "plan.json", out / "placement.csv", out / "crossbars.png"]
+    plan.save(paths[0])
+    write_atomic(paths[1], buffer.getvalue())
+    write_atomic(paths[2], picture.getvalue())
+    return paths
+
+
+def save_study(study: Feasibility, out: Path, *, command: str) -> list[Path]:
+    """Write ``report.html``, ``report.json`` and ``plan.json`` to a folder; their paths."""
+    from ohmloom.report.page import write_report
+
+    paths = [out / "report.html", out / "report.json", out / "plan.json"]
+    assert study.plan is not None
+    study.plan.save(paths[2])
+    study.save(paths[1])
+    write_report(study, paths[0], command=command)
+    return paths
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a replay file of an unknown kind before anything is run.
+
+    Raises
+    ------
+    ParameterError
+        Names the file and the known endings.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise ParameterError(f"--out: expected a file that ends in {', '.join(FORMATS)}, got {path}. Rename it.")
+
+
+def replay_network(
+    network: Network, path: Path, *, hardware: Hardware | None = None, seed: int = 0, task: str | None = None
+) -> Trial:
+    """Run one trial, of the ideal controller or of a sampled die, and draw it to `path` (.html, .gif or .png).
+
+    Raises
+    ------
+    ParameterError
+        If the file has another ending.
+    MappingError
+        If the network cannot be placed on `hardware`.
+    """
+    check_suffix(path)
+    if hardware is None:
+        controller: SpikingController | EmulatedController = SpikingController(network)
+    else:
+        controller = EmulatedController(place(network, hardware).sample(seed=seed))
+    chosen = task if task is not None else str(network.provenance.get("task", "static"))
+    arena = Arena(task="dynamic" if chosen == "dynamic" else "static")
+    weights, spikes = [], []
+
+    def record(_: int) -> None:
+        weights.append(controller.weights)
+        spikes.append(controller.spike_counts)
+
+    key = draw_trial_key(np.random.default_rng(seed))
+    trial = run_trial(controller, arena, trial_key=key, on_timestep=record)
+    labels = network.labels()
+    recording = Recording(
+        trial=trial, weights=np.array(weights), spikes=np.array(spikes),
+        network_name=network.name if hardware is None else f"{network.name} on {hardware.name}",
+        neuron_labels=tuple(labels),
+        synapse_labels=tuple(f"{labels[s.pre]} → {labels[s.post]}" for s in network.synapses),
+        synapse_kinds=tuple(s.kind for s in network.synapses),
+    )  # fmt: skip
+    replay(recording, arena, path)
+    return trial

@@ -1,0 +1,95 @@
+"""The study as a whole: retraceable, reproducible, saved and loaded, and able to fail."""
+
+import numpy as np
+import pytest
+
+from ohmloom.errors import FileFormatError, ParameterError
+from ohmloom.mapping import EmulatedController, Hardware, place
+from ohmloom.neurocontroller import Network, SpikingController
+from ohmloom.sim import Arena, Feasibility, agreement, feasibility, run_trial
+from ohmloom.sim.feasibility import _start
+
+NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))
+SHORT = Arena(max_timesteps=60)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return feasibility(NETWORK, Hardware.load("het_mixed"), dies=3, seed=5, arena=SHORT)
+
+
+def test_success_is_that_of_the_trials_it_names(study):
+    plan = place(NETWORK, Hardware.load("het_mixed"))
+    ideal = [run_trial(SpikingController(NETWORK), SHORT, trial_key=_start(5, d)).solved for d in range(3)]
+    built = [
+        run_trial(EmulatedController(plan.sample(seed=5, die=d)), SHORT, trial_key=_start(5, d)).solved
+        for d in range(3)
+    ]
+    assert (study.success.ideal, study.success.hardware) == (np.mean(ideal), np.mean(built))
+
+
+def test_exactness_is_checked_on_the_nominal_die(study):
+    assert study.exactness == {"rule_table": True, "lattice": True, "network_charge": True}
+
+
+def test_figures_are_complete(study):
+    assert [figure.name for figure in study.figures] == [
+        "event_fidelity", "useful_event_range", "time_per_step", "programming_power", "energy_per_timestep",
+        "pulses_per_device", "endurance", "closed_loop_success",
+    ]  # fmt: skip
+    assert all(figure.source and figure.detail for figure in study.figures)
+
+
+def test_peo_pani_is_too_slow(study):
+    assert study.verdict == "FAIL"
+    assert study.reasons[0].startswith("time_per_step is ")
+
+
+def test_same_seed_gives_the_same_study(study):
+    again = feasibility(NETWORK, Hardware.load("het_mixed"), dies=3, seed=5, arena=SHORT)
+    assert again.to_dict() == study.to_dict()
+
+
+def test_without_dies_there_is_no_success():
+    study = feasibility(NETWORK, Hardware.load("ideal"), dies=0, arena=SHORT)
+    assert study.success is None
+    assert study.figures[-1].status == "NOT_RUN"
+    assert study.verdict == "MARGINAL"
+
+
+def test_save_and_load(study, tmp_path):
+    study.save(tmp_path / "report.json")
+    assert Feasibility.load(tmp_path / "report.json").to_dict() == study.to_dict()
+
+
+def test_truncated_study_is_refused(study, tmp_path):
+    path = tmp_path / "report.json"
+    study.save(path)
+    path.write_text(path.read_text()[:200])
+    with pytest.raises(FileFormatError, match=r"report\.json: expected JSON"):
+        Feasibility.load(path)
+
+
+@pytest.mark.parametrize("name", ["dies", "seed"])
+def test_negative_numbers_are_refused(name):
+    with pytest.raises(ParameterError, match=rf"feasibility\.{name}: expected an integer >= 0, got -1"):
+        feasibility(NETWORK, Hardware.load("ideal"), **{name: -1})
+
+
+def test_card_of_another_ratio_claims_no_equality_with_the_paper():
+    hardware = Hardware.load("hp_1t1r")
+    network = Network.random(system="HP", rng=np.random.default_rng(3))
+    other = hardware.model_copy(update={"cards": {**hardware.cards, "hp": "hp_tio2"}})
+    study = feasibility(network, other, dies=0, arena=SHORT)
+    assert study.exactness == {"rule_table": True}
+    assert set(study.not_applicable) == {"lattice", "network_charge"}
+
+
+def test_agreement_notices_a_wrong_charge():
+    right = agreement(NETWORK, Hardware.load("het_mixed"), seed=1, arena=SHORT)
+    wrong = agreement(NETWORK, Hardware.load("het_mixed"), seed=1, arena=SHORT, perturb=0.2)
+    assert right.exact
+    assert right.first_divergence is None
+    assert not wrong.exact
+    assert wrong.first_divergence is not None
+    assert wrong.worst_rms > 1e-3 > right.worst_rms

@@ -1,0 +1,145 @@
+"""Figures: values by hand, margins, and the rules of status and verdict."""
+
+import numpy as np
+import pytest
+
+from ohmloom.devices import Device
+from ohmloom.mapping import Hardware, Ledger, Quantity, place
+from ohmloom.neurocontroller import Network
+from ohmloom.sim import figures as f
+from ohmloom.sim.feasibility import _verdict
+from ohmloom.sim.statistics import paired_success
+
+HARDWARE = Hardware.load("het_mixed")
+LEDGER = Ledger(
+    events=300, ideal_events=300, lost=0, spurious=0, charge=3e-7, programming_energy=6.4e-5, read_energy=3.2e-9,
+    spikes=1000, steps=210, reading_time=1.1e-6, mean_programming_time=1e-4, worst_programming_time=1e-3,
+    most_pulses=5000, pulses=300,
+)  # fmt: skip
+
+
+def changed(section, **quantities):
+    part = getattr(HARDWARE, section)
+    return HARDWARE.model_copy(update={section: part.model_copy(update=quantities)})
+
+
+def sourced(value):
+    return Quantity(value=value, source="a data sheet")
+
+
+def test_time_per_step_is_reading_and_worst_programming():
+    figure = f.time_per_step(changed("drive", pulse_voltage=sourced(1.0)), LEDGER)
+    assert figure.value == pytest.approx(1e-3 + 1.1e-6)
+    assert figure.limit == pytest.approx(0.032 / 21)
+    assert figure.margin == pytest.approx(1 - figure.value / figure.limit)
+    assert figure.status == "PASS"
+
+
+def test_assumed_voltage_that_decides_makes_it_assumed():
+    # At 0.5 V the pulses take 2 ms, at 2 V half a millisecond: on both sides of 1.524 ms.
+    figure = f.time_per_step(HARDWARE, LEDGER)
+    assert figure.status == "ASSUMED"
+    assert "drive.pulse_voltage" in figure.detail
+
+
+def test_power_is_energy_per_timestep_over_32_ms():
+    figure = f.programming_power(HARDWARE, LEDGER)
+    energy = (6.4e-5 + 3.2e-9 + 1000 * 1.2e-12) / 10
+    assert figure.value == pytest.approx(energy / 0.032)
+    assert f.energy_per_timestep(HARDWARE, LEDGER).value == pytest.approx(energy)
+    assert f.energy_per_timestep(HARDWARE, LEDGER).margin == pytest.approx(figure.margin)
+
+
+def test_endurance_and_pulses_are_two_sides_of_one_margin():
+    hardware = changed("endurance", pulses=sourced(1e6))
+    assert f.endurance(hardware, LEDGER).value == 200
+    assert f.endurance(hardware, LEDGER).status == "ASSUMED"
+    pulses = f.pulses_per_device(hardware, LEDGER)
+    assert (pulses.value, pulses.limit) == (5000, 1000)
+    assert pulses.margin < 0
+
+
+@pytest.mark.parametrize("name", ["hp_tio2_10k", "peo_pani"])
+def test_ratio_100_has_the_papers_ninety_events(name):
+    # W from 0.1 to 1 on HP: q from 0.9 to 0.99 in steps of 0.00099.
+    assert f.useful_events(Device.load(name), is_referenced=False) == pytest.approx(0.09 / 0.00099, abs=0.05)
+
+
+def test_linear_has_nine_hundred():
+    assert f.useful_events(Device.load("linear"), is_referenced=True) == pytest.approx(900, abs=0.1)
+
+
+def test_strukovs_ratio_has_fewer():
+    assert f.useful_events(Device.load("hp_tio2"), is_referenced=False) == pytest.approx(56.6, abs=0.1)
+
+
+def test_range_of_a_plan_is_that_of_its_worst_kind():
+    het = place(Network.random(system="HET", rng=np.random.default_rng(1)), HARDWARE)
+    lin = place(Network.random(system="LIN", rng=np.random.default_rng(1)), HARDWARE)
+    assert f.useful_event_range(HARDWARE, het).value == pytest.approx(90.9, abs=0.05)
+    assert f.useful_event_range(HARDWARE, lin).value == pytest.approx(900, abs=0.1)
+    ga = place(Network.random(system="GA", rng=np.random.default_rng(1)), HARDWARE)
+    assert f.useful_event_range(HARDWARE, ga).value is None
+
+
+@pytest.mark.parametrize(
+    ("lost", "status"), [(0, "ASSUMED"), (900, "MARGINAL"), (1100, "FAIL")]
+)  # spread.threshold is assumed, so it cannot pass
+def test_event_fidelity(lost, status):
+    figure = f.event_fidelity(HARDWARE, lost, 0, 1_000_000, 20)
+    assert figure.value == lost / 1e6
+    assert figure.status == status
+
+
+def test_missing_limit_is_assumed():
+    figure = f.programming_power(changed("limits", programming_power=None), LEDGER)
+    assert (figure.limit, figure.margin, figure.status) == (None, None, "ASSUMED")
+
+
+def test_success_needs_enough_dies():
+    few = f.closed_loop_success(HARDWARE, paired_success([True] * 20, [True] * 20))
+    assert few.status == "NOT_RUN"
+    assert "--dies 73" in few.detail
+    enough = f.closed_loop_success(Hardware.load("ideal"), paired_success([True] * 73, [True] * 73))
+    assert enough.status in ("PASS", "MARGINAL")
+    assert enough.margin >= 0
+
+
+def test_success_on_assumed_spreads_cannot_pass():
+    outcome = [True] * 400
+    assert f.closed_loop_success(Hardware.load("ideal"), paired_success(outcome, outcome)).status == "PASS"
+    assert f.closed_loop_success(HARDWARE, paired_success(outcome, outcome)).status == "ASSUMED"
+
+
+def test_few_dies_suffice_to_fail():
+    figure = f.closed_loop_success(HARDWARE, paired_success([True] * 20, [False] * 20))
+    assert figure.status == "FAIL"
+
+
+def figure(name, status, margin):
+    return f.Figure(name=name, value=1.0, unit="s", limit=1.0, margin=margin, source="s", status=status, detail="d.")
+
+
+def test_verdict_takes_the_worst_status_and_three_reasons():
+    found = (
+        figure("a", "PASS", 1.0), figure("b", "MARGINAL", 0.1), figure("c", "FAIL", -0.5), figure("d", "FAIL", -2.0),
+        figure("e", "ASSUMED", 0.5),
+    )  # fmt: skip
+    verdict, reasons = _verdict(found, {"rule_table": True})
+    assert verdict == "FAIL"
+    assert [reason.split()[0] for reason in reasons] == ["d", "c", "b"]
+
+
+@pytest.mark.parametrize("status", ["MARGINAL", "ASSUMED", "NOT_RUN"])
+def test_anything_but_pass_is_marginal(status):
+    assert _verdict((figure("a", "PASS", 1.0), figure("b", status, 0.1)), {})[0] == "MARGINAL"
+
+
+def test_only_passes_pass():
+    assert _verdict((figure("a", "PASS", 1.0),), {"network_charge": True}) == ("PASS", ())
+
+
+def test_broken_exactness_voids_the_study():
+    verdict, reasons = _verdict((figure("a", "PASS", 1.0),), {"network_charge": False})
+    assert verdict == "FAIL"
+    assert reasons == ("exactness: network_charge does not hold, so the study is void.",)

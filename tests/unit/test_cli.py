@@ -1,0 +1,223 @@
+"""The command line as a stranger meets it: answers, files, exit codes, and one line when something is wrong."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from ohmloom.cli import main
+from ohmloom.neurocontroller import Network
+
+
+@pytest.fixture
+def net(tmp_path):
+    path = tmp_path / "small.net.json"
+    Network.random(system="HP", rng=np.random.default_rng(1), hidden=3).save(path)
+    return path
+
+
+@pytest.fixture
+def run(capsys):
+    def call(*words):
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        captured = capsys.readouterr()
+        return caught.value.code, captured.out, captured.err
+
+    return call
+
+
+def one_line(err):
+    lines = err.strip().splitlines()
+    assert len(lines) == 1, err
+    assert "Traceback" not in err
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["evalute"], "No such command 'evalute'. Did you mean"),
+        (["evaluate"], "Missing argument 'NET...'."),
+        (["evolve", "--system", "XX", "--out", "x"], "Invalid value for '--system': 'XX' is not one of"),
+        (["evolve", "--system", "HP"], "Missing option '--out'."),
+        (["evolve", "--system", "HP", "--out", "x", "--repeats", "0"], "Invalid value for '--repeats'"),
+        (["evaluate", "none.net.json", "--hardware", "ideal"], "none.net.json: expected a network file, got No such file"),
+        (["device", "show", "hp_tio3"], "Did you mean 'hp_tio2'?"),
+        (["replay", "none.net.json", "--out", "film.mp4"], "--out: expected a file that ends in .gif, .html, .png"),
+        (["evaluate", "x.net.json", "--hardware", "ideal", "--dies", "-1"], "Invalid value for '--dies'"),
+    ],
+)  # fmt: skip
+def test_bad_usage_is_one_line_and_exit_2(run, tmp_path, monkeypatch, words, text):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(*words)
+    assert code == 2
+    assert out == ""
+    assert text in one_line(err)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_hardware_offers_the_nearest(run, net, tmp_path):
+    code, _, err = run("evaluate", net, "--hardware", "het_mixd", "--out", tmp_path / "study")
+    assert code == 2
+    assert "got 'het_mixd'. Did you mean 'het_mixed'?" in one_line(err)
+    assert not (tmp_path / "study").exists()
+
+
+def test_several_problems_are_counted_and_shown_on_request(run, net, tmp_path):
+    text = net.read_text().replace('"weight": 0.5', '"weight": -1', 2)
+    bad = tmp_path / "bad.net.json"
+    bad.write_text(text)
+    code, _, err = run("map", bad, "--hardware", "hp_1t1r", "--out", tmp_path / "map")
+    assert code == 2
+    assert one_line(err).endswith("(and 1 more; see --verbose)")
+    assert "synapses[0].weight: expected greater than or equal to 0" in err
+    code, _, err = run("map", bad, "--hardware", "hp_1t1r", "--out", tmp_path / "map", "--verbose")
+    assert code == 2
+    assert len(err.strip().splitlines()) == 2
+    assert not (tmp_path / "map").exists()
+
+
+def test_out_that_is_a_file_is_refused_before_any_work(run, net):
+    before = net.read_bytes()
+    code, _, err = run("evaluate", net, "--hardware", "hp_1t1r", "--out", net)
+    assert code == 2
+    assert "--out: expected a folder, got the file" in one_line(err)
+    assert net.read_bytes() == before
+
+
+def test_kind_that_cannot_be_built_is_named(run, tmp_path):
+    path = tmp_path / "het.net.json"
+    Network.random(system="HET", rng=np.random.default_rng(1)).save(path)
+    code, _, err = run("evaluate", path, "--hardware", "hp_1t1r")
+    assert code == 2
+    assert "cards.peo_pani: expected a device card, got none" in one_line(err)
+
+
+def test_map_writes_plan_table_and_picture(run, net, tmp_path):
+    code, out, _ = run("map", net, "--hardware", "hp_1t1r", "--out", tmp_path / "map")
+    assert code == 0
+    assert "all " in out
+    assert "assumed: drive.pulse_voltage = 1 V" in out
+    assert {p.name for p in (tmp_path / "map").iterdir()} == {"plan.json", "placement.csv", "crossbars.png"}
+    synapses = len(Network.load(net).synapses)
+    assert len((tmp_path / "map" / "placement.csv").read_text().splitlines()) == synapses + 1
+
+
+def test_evaluate_json_can_be_retraced(run, net, tmp_path):
+    code, out, err = run("evaluate", net, "--hardware", "hp_1t1r", "--dies", 2, "--json", "--out", tmp_path / "study")
+    table = json.loads(out)
+    assert code == (0 if table["verdict"] == "PASS" else 1)
+    assert {"verdict", "reasons", "figures", "success", "exactness"} <= set(table)
+    for figure in table["figures"]:
+        assert {"name", "value", "unit", "limit", "margin", "source", "status"} <= set(figure)
+    assert table["success"]["n"] == 2
+    assert json.loads((tmp_path / "study" / "report.json").read_text()) == table
+    assert "seed 0" in err
+    page = (tmp_path / "study" / "report.html").read_text()
+    assert table["verdict"] in page
+    assert "ohmloom evaluate" in page
+
+
+def test_evaluate_of_several_pairs(run, net):
+    _, out, _ = run("evaluate", net, "--hardware", "hp_1t1r", "--hardware", "ideal", "--dies", 0, "--json")
+    pairs = json.loads(out)["pairs"]
+    assert [pair["provenance"]["hardware"] for pair in pairs] == ["hp_1t1r", "ideal"]
+    assert all(pair["success"] is None for pair in pairs)
+
+
+@pytest.mark.parametrize("suffix", ["png", "gif", "html"])
+def test_replay_writes_its_file(run, net, tmp_path, suffix):
+    path = tmp_path / f"trial.{suffix}"
+    code, out, _ = run("replay", net, "--out", path)
+    assert code == 0
+    assert "timesteps" in out
+    assert path.stat().st_size > 1000
+
+
+def test_evolve_prints_results_and_resumes(run, tmp_path):
+    words = ("evolve", "--system", "GA", "--generations", 2, "--population", 4, "--out", tmp_path / "run", "--json")
+    code, out, err = run(*words)
+    assert code == 0
+    assert json.loads(out)["repeats"][0]["network"].endswith("GA_0.net.json")
+    assert "GA 0: 2 of 2" in err
+    assert run(*words)[1] == out
+
+
+def test_evolve_with_other_settings_names_the_first_that_differs(run, tmp_path):
+    words = ["evolve", "--system", "GA", "--generations", 1, "--population", 4, "--out", tmp_path / "run"]
+    assert run(*words)[0] == 0
+    before = {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
+    code, _, err = run(*words, "--seed", 5)
+    assert code == 2
+    assert "settings.seed: expected 5, got 0" in err.strip().splitlines()[-1]
+    assert {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()} == before
+
+
+def test_interrupted_evolution_says_how_to_resume_and_loses_nothing(tmp_path):
+    def words(out):
+        return [sys.executable, "-m", "ohmloom", "evolve", "--system", "GA", "--generations", "60", "--population", "6",
+                "--out", str(out)]  # fmt: skip
+
+    process = subprocess.Popen(words(tmp_path / "run"), stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    checkpoint = tmp_path / "run" / "populations" / "GA_0.json"
+    while not checkpoint.exists() and process.poll() is None:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate()
+    assert process.returncode == 130
+    assert "Resume with: ohmloom evolve --system GA --generations 60 --population 6 --out" in err.splitlines()[-1]
+    assert subprocess.run(words(tmp_path / "run"), capture_output=True, check=False).returncode == 0
+    assert subprocess.run(words(tmp_path / "whole"), capture_output=True, check=False).returncode == 0
+    whole = {p.relative_to(tmp_path / "whole"): p.read_bytes() for p in (tmp_path / "whole").rglob("*") if p.is_file()}
+    resumed = {p.relative_to(tmp_path / "run"): p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
+    assert resumed == whole
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root writes everywhere")
+def test_folder_that_cannot_be_written_is_refused(run, net, tmp_path):
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o500)
+    code, _, err = run("map", net, "--hardware", "hp_1t1r", "--out", locked / "map")
+    assert code == 2
+    assert "expected a folder that can be written" in one_line(err)
+
+
+def test_disk_that_is_full_is_operational(run, net, monkeypatch, tmp_path):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    code, _, err = run("map", net, "--hardware", "hp_1t1r", "--out", tmp_path / "map")
+    assert code == 3
+    assert "No space left on device" in one_line(err)
+    assert list((tmp_path / "map").iterdir()) == []
+
+
+def test_doctor_and_device_list(run):
+    code, out, _ = run("doctor", "--json")
+    assert code == 0
+    assert json.loads(out)["works"]
+    code, out, _ = run("device", "list", "--json")
+    assert {"hp_tio2", "peo_pani", "linear", "constant"} <= {card["name"] for card in json.loads(out)}
+    code, out, _ = run("device", "show", "hp_tio2")
+    assert "r_on = 100 Ohm" in out
+
+
+def test_version_and_help_answer(run):
+    assert run("--version")[0] == 0
+    code, out, _ = run("--help")
+    assert code == 0
+    assert "evaluate" in out
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys; from ohmloom.cli import main\ntry:\n main(['--help'])\nexcept SystemExit: pass\n"
+    code += "print([m for m in ('numba', 'scipy', 'matplotlib', 'numpy') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
