@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray, frozen_array
 from ohmloom.errors import ParameterError, UnknownNameError
+
+if TYPE_CHECKING:
+    from ohmloom.neurocontroller import Network
+    from ohmloom.sim import Agreement
 
 # Colours of Okabe and Ito (2008), told apart with any colour vision; actions and kinds share none.
 ACTIONS: Final = {"forward": "#0072b2", "left": "#e69f00", "right": "#009e73"}
@@ -138,9 +143,7 @@ class Recording:
     @property
     def kinds(self) -> dict[str, IntArray]:
         """Indices of the synapses of each kind that occurs, in the order of `KINDS`."""
-        names = np.array(self.synapse_kinds, dtype=str)
-        found = {kind: np.flatnonzero(names == kind) for kind in KINDS}
-        return {kind: index for kind, index in found.items() if index.size}
+        return kind_indices(self.synapse_kinds)
 
     @property
     def summary(self) -> str:
@@ -152,6 +155,43 @@ class Recording:
             f"{trial.task} task, {outcome}, fitness {trial.fitness:.6g}, {self.timesteps} timesteps "
             f"({int(trial.st[-1])} counted), {bumps}"
         )
+
+
+def recording_of(agreement: Agreement, network: Network) -> Recording:
+    """The discrete side of an agreement, ready to be drawn by `replay`.
+
+    Raises
+    ------
+    ParameterError
+        If `network` is not the one that was run.
+    """
+    check_network("recording_of.network", agreement, network)
+    labels = network.labels()
+    return Recording(
+        trial=agreement.trial,
+        weights=agreement.weights,
+        spikes=agreement.spikes,
+        network_name=network.name,
+        neuron_labels=tuple(labels),
+        synapse_labels=tuple(f"{labels[s.pre]} → {labels[s.post]}" for s in network.synapses),
+        synapse_kinds=tuple(s.kind for s in network.synapses),
+    )
+
+
+def check_network(where: str, agreement: Agreement, network: Network) -> None:
+    """Refuse a network other than the one that an agreement ran."""
+    ran, given = agreement.provenance["network"], network.sha256
+    if ran != given:
+        raise ParameterError(
+            f"{where}: expected the network that was run, sha256 {ran[:12]}, got {given[:12]}. Pass that one."
+        )
+
+
+def kind_indices(kinds: Sequence[str]) -> dict[str, IntArray]:
+    """Indices of the synapses of each kind that occurs, in the order of `KINDS`."""
+    names = np.array(kinds, dtype=str)
+    found = {kind: np.flatnonzero(names == kind) for kind in KINDS}
+    return {kind: index for kind, index in found.items() if index.size}
 
 
 def bump_rows(trial: TrialView) -> IntArray:

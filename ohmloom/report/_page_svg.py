@@ -1,0 +1,67 @@
+"""Figures as SVG text that stands inside a page: no ids in common, colours of the page, the same bytes each time."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from markupsafe import Markup, escape
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
+
+HASH_SALT: Final = "ohmloom"
+MOST_VERTICES: Final = 2500  # a collection with more becomes a bitmap inside the SVG, or the page gets too large
+BITMAP_DPI: Final = 200
+# Drawn colours that follow the page's scheme, light or dark.
+PAGE_COLOURS: Final = {
+    "#000000": "currentColor", "#222222": "currentColor", "#ffffff": "var(--paper)", "#d9efdf": "var(--goal)",
+    "#e4e7ee": "var(--start)", "#d6d6d6": "var(--wall)", "#555555": "var(--soft)", "#c03a2b": "var(--bad)",
+}  # fmt: skip
+
+
+def page_svg(draw: Callable[[], Figure], key: str, label: str) -> Markup:
+    """Draw a figure and give its SVG element; `key` keeps its ids apart, `label` is read out to the blind."""
+    import matplotlib
+
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        # A letter of a name that the font lacks is left to the browser.
+        warnings.filterwarnings("ignore", message="Glyph")
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update({"svg.hashsalt": HASH_SALT, "svg.fonttype": "none"})
+        figure = draw()
+        for axes in figure.axes:
+            for artist in axes.get_children():
+                if _vertices(artist) > MOST_VERTICES:
+                    artist.set_rasterized(True)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", dpi=BITMAP_DPI, transparent=True, metadata={"Date": None})
+    return _inside_page(buffer.getvalue(), key, label)
+
+
+def _vertices(artist: Artist) -> int:
+    from matplotlib.collections import Collection
+
+    if not isinstance(artist, Collection):
+        return 0
+    return sum(np.shape(path.vertices)[0] for path in artist.get_paths())
+
+
+def _inside_page(text: str, key: str, label: str) -> Markup:
+    head = re.search(r'<svg[^>]*viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>', text)
+    assert head is not None
+    width, height = float(head[1]), float(head[2])
+    body = text[head.end() :]
+    body = re.sub(r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
+    body = re.sub(r'(\sid="|url\(#|href="#)', rf"\g<1>{key}-", body)
+    for drawn, shown in PAGE_COLOURS.items():
+        body = body.replace(drawn, shown)
+    # Wide figures scroll on a phone rather than shrink until their text cannot be read.
+    size = f"min-width: {0.8 * width:.0f}px; max-width: {1.6 * width:.0f}px"
+    start = f'<svg role="img" aria-label="{escape(label)}" viewBox="0 0 {width:g} {height:g}" style="{size}">'
+    return Markup(start + "".join(line.strip() + "\n" for line in body.splitlines()))

@@ -1,0 +1,134 @@
+"""Crossbar pictures: what is drawn is what the plan says, cell by cell."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ohmloom.errors import ParameterError
+from ohmloom.mapping import Hardware, place
+from ohmloom.neurocontroller import Network
+from ohmloom.report import plot_plan, plot_tile
+from ohmloom.sim import Feasibility
+
+
+def squares(ax: Any, gid: str) -> dict[tuple[float, float], float]:
+    """Centre (column, row) of each square of a collection -> its value."""
+    (found,) = [c for c in ax.collections if c.get_gid() == gid]
+    centres = [path.get_extents() for path in found.get_paths()]
+    places = [((box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2) for box in centres]
+    return {(round(x, 9), round(y, 9)): float(g) for (x, y), g in zip(places, found.get_array(), strict=True)}
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_each_device_is_a_square_at_its_crosspoint_with_its_conductance(het_study: Feasibility, index: int) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    wanted = {(p.column, p.row): p.conductance for p in plan.crosspoints if p.tile == index}
+    assert squares(plot_tile(plan, index), "devices") == wanted
+
+
+def test_given_conductances_are_taken_by_synapse(ga_study: Feasibility) -> None:
+    plan = ga_study.plan
+    assert plan is not None
+    g = 1e-6 * (1.0 + np.arange(len(plan.crosspoints)))
+    wanted = {(p.column, p.row): g[p.synapse] for p in plan.crosspoints}
+    assert squares(plot_tile(plan, 0, conductances=g), "devices") == pytest.approx(wanted)
+
+
+def test_lines_are_labelled_with_neurons_and_read_voltage(het_study: Feasibility) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    labels = plan.network.labels()
+    ax = plot_tile(plan, 0)
+    rows = [text.get_text() for text in ax.get_yticklabels()]
+    signs = ["−" if plan.network.sign(neuron) < 0 else "+" for neuron in plan.tiles[0].rows]
+    assert {"+", "−"} == set(signs)
+    assert rows == [f"{labels[n]}  {s}100 mV" for n, s in zip(plan.tiles[0].rows, signs, strict=True)]
+    assert [text.get_text() for text in ax.get_xticklabels()] == [labels[n] for n in plan.tiles[0].columns]
+    assert len({text.get_color() for text in ax.get_yticklabels()}) == 2
+
+
+def test_delays_of_more_than_one_step_are_written_in_the_cells(het_study: Feasibility) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    for index in range(len(plan.tiles)):
+        ax = plot_tile(plan, index)
+        written = {tuple(text.get_position()): text.get_text() for text in ax.texts}
+        wanted = {(p.column, p.row): str(p.tap) for p in plan.crosspoints if p.tile == index and p.tap > 1}
+        assert wanted
+        assert written == wanted
+
+
+def test_reference_column_stands_apart_at_the_lowest_conductance(het_study: Feasibility) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    index = next(k for k, tile in enumerate(plan.tiles) if tile.has_reference)
+    tile, ax = plan.tiles[index], plot_tile(plan, index)
+    cells = squares(ax, "reference")
+    g_off = float(plan.hardware.devices[tile.kind].conductance(0.0))
+    assert sorted(row for _, row in cells) == list(range(len(tile.rows)))
+    assert min(column for column, _ in cells) > len(tile.columns)
+    assert set(cells.values()) == {g_off}
+    assert ax.get_xticklabels()[-1].get_text() == "reference"
+    assert not [c for c in plot_tile(plan, 0).collections if c.get_gid() == "reference"]
+
+
+def test_title_names_kind_card_and_size(het_study: Feasibility) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    tile = plan.tiles[1]
+    title = plot_tile(plan, 1).get_title()
+    for part in (tile.kind, "card peo_pani", f"{len(tile.rows)} word lines × {len(tile.columns)} bit lines"):
+        assert part in title
+
+
+def test_colour_scale_is_logarithmic_from_lowest_to_highest_conductance(het_study: Feasibility) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    ax = plot_tile(plan, 0)
+    (cells,) = [c for c in ax.collections if c.get_gid() == "devices"]
+    assert (cells.norm.vmin, cells.norm.vmax) == pytest.approx((1e-6, 1e-4))
+    assert cells.norm(1e-5) == pytest.approx(0.5)
+    (bar,) = ax.child_axes
+    assert [text.get_text() for text in bar.get_yticklabels()] == ["1 uS", "3.16 uS", "10 uS", "31.6 uS", "100 uS"]
+
+
+def test_plot_draws_into_the_given_axes(het_study: Feasibility) -> None:
+    from matplotlib.figure import Figure
+
+    assert het_study.plan is not None
+    ax = Figure().add_subplot()
+    assert plot_tile(het_study.plan, 0, ax=ax) is ax
+
+
+def test_plan_shows_every_tile_with_a_legend(het_study: Feasibility) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    figure = plot_plan(plan)
+    titles = [ax.get_title() for ax in figure.axes if ax.get_title()]
+    assert [title.split(":")[0] for title in titles] == [tile.kind for tile in plan.tiles]
+    entries = " ".join(text.get_text() for text in figure.legends[0].get_texts())
+    for word in ("device", "unformed", "delay", "inhibitory", "reference"):
+        assert word in entries
+    figure.savefig("/dev/null", format="svg")
+
+
+def test_net_without_synapses_has_a_picture_that_says_so() -> None:
+    network = Network.random(system="HP", rng=np.random.default_rng(0), enable_probability=0.0).replace(synapses=())
+    figure = plot_plan(place(network, Hardware.load("hp_1t1r")))
+    assert [text.get_text() for text in figure.texts] == ["no synapses, so no tile"]
+
+
+def test_wrong_tile_and_wrong_conductances_are_refused(ga_study: Feasibility) -> None:
+    plan = ga_study.plan
+    assert plan is not None
+    n = len(plan.crosspoints)
+    with pytest.raises(ParameterError, match=r"plot_tile\.tile: expected an index from 0 to 0, got 1"):
+        plot_tile(plan, 1)
+    with pytest.raises(ParameterError, match=rf"plot_tile\.conductances: expected axes \(synapse={n}\)"):
+        plot_tile(plan, 0, conductances=np.ones(n - 1))
+    with pytest.raises(ParameterError, match=r"plot_tile\.conductances: expected numbers > 0 S, got 0 S"):
+        plot_tile(plan, 0, conductances=np.zeros(n))
