@@ -89,10 +89,10 @@ def success_line(success: Success) -> str:
     if high < 0.0:
         return (f"The hardware reaches the goal less often than the ideal network, by {abs(100 * high):.2g} to "
                 f"{abs(100 * low):.2g} points.")  # fmt: skip
-    text = (f"{success.n} starts do not decide: the hardware may be up to {abs(100 * low):.2g} points worse, and at "
-            f"most {allowed:g} are allowed.")  # fmt: skip
+    text = (f"It is not shown that the hardware is good enough: from {success.n} starts, it may be up to "
+            f"{abs(100 * low):.2g} points worse than the ideal network, and at most {allowed:g} are allowed.")  # fmt: skip
     needed = least_pairs(NON_INFERIORITY)
-    return f"{text} It takes {needed} or more." if success.n < needed else text
+    return f"{text} It takes {needed} starts or more to show it." if success.n < needed else text
 
 
 def p_line(success: Success) -> str:
@@ -119,7 +119,7 @@ def outcome(trial: Trial) -> str:
     """How a trial ended."""
     ended = "reached the goal" if trial.solved else "did not reach the goal"
     bumps = f"{trial.bumps} bump" + ("" if trial.bumps == 1 else "s")
-    return f"{ended}: {trial.timesteps} timesteps counted, {bumps}, fitness {trial.fitness:.4g}"
+    return f"{ended}: {trial.timesteps} timesteps counted, {bumps}, fitness {trial.fitness:.5g}"
 
 
 def count_line(statuses: list[str]) -> str:

@@ -124,8 +124,8 @@ def test_success_is_put_into_plain_words() -> None:
     )
     assert "less often than the ideal network" in success_line(paired_success([True] * 90, [False] * 90))
     undecided = success_line(paired_success([True] * 5, [True] * 5))
-    assert "5 starts do not decide" in undecided
-    assert "It takes 73 or more" in undecided
+    assert "not shown that the hardware is good enough: from 5 starts" in undecided
+    assert "It takes 73 starts or more" in undecided
 
 
 def test_exactness_shows_what_holds_and_what_does_not_apply(ga_study: Feasibility, ga_page: str) -> None:
