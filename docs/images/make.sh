@@ -1,0 +1,33 @@
+#!/bin/sh
+# Makes the pictures and the sample output of the documentation. Run from the repository's root.
+set -eu
+net=examples/champions/HET.net.json
+work=$(mktemp -d)
+trap 'rm -r "$work"' EXIT
+
+ohmloom map "$net" --hardware het_mixed --out "$work/map" > /dev/null
+ohmloom replay "$net" --hardware het_mixed --seed 3 --out "$work/replay.png" > /dev/null
+# Fewer colours: a third of the bytes, and no difference that an eye would see.
+python - "$work/map/crossbars.png" "$work/replay.png" <<'PY'
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+for name in map(Path, sys.argv[1:]):
+    image = Image.open(name).convert("RGB").quantize(128, dither=Image.Dither.NONE)
+    image.save(Path("docs/images") / name.name, optimize=True)
+PY
+
+mkdir -p docs/examples
+command="ohmloom evaluate $net --hardware het_mixed --dies 20 --seed 1"
+{ echo "\$ $command"; $command 2> /dev/null || test $? -eq 1; } > docs/examples/evaluate.txt
+python - <<'PY'
+import re
+from pathlib import Path
+
+readme = Path("README.md")
+shown = "```text\n" + Path("docs/examples/evaluate.txt").read_text() + "```\n"
+marked = re.compile(r"(<!-- evaluate -->\n).*?(<!-- end -->)", re.DOTALL)
+readme.write_text(marked.sub(lambda found: found[1] + shown + found[2], readme.read_text()))
+PY
