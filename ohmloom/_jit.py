@@ -71,6 +71,14 @@ def closure_kernel(tag: str) -> Callable[[F], F]:
     return compile_named
 
 
+@kernel
+def copy_flat(target: Any, source: Any) -> None:
+    """Copy one contiguous array into another of the same shape; `target[:] = source` takes seconds to compile."""
+    flat, values = target.ravel(), source.ravel()
+    for k in range(flat.shape[0]):
+        flat[k] = values[k]
+
+
 def _lowest_bit_plain(mask: int) -> int:
     return (int(mask) & -int(mask)).bit_length() - 1
 

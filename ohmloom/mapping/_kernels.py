@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom._jit import kernel
+from ohmloom._jit import copy_flat, kernel
 from ohmloom.devices._kernels import conductance, current_pulse, metered_pulse
 from ohmloom.neurocontroller._kernels import INPUTS, STEPS, classify, membrane
 
@@ -90,7 +90,7 @@ def reset_activity(f: Fabric, s: FabricState) -> None:
 def reset(f: Fabric, s: FabricState) -> None:
     """Every device back to its programmed state; the ledger too."""
     reset_activity(f, s)
-    s.state[:] = f.first_state
+    copy_flat(s.state, f.first_state)
     for k in range(f.sender.shape[0]):
         t = f.tile[k]
         s.g[k] = conductance(f.law[t], s.state[k], 0.0, f.parameters[t])

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom._jit import kernel, lowest_bit
+from ohmloom._jit import copy_flat, kernel, lowest_bit
 
 INPUTS = 6
 STEPS = 21
@@ -97,8 +97,8 @@ def reset_activity(w: Wiring, s: ControllerState) -> None:
 @kernel
 def reset(w: Wiring, s: ControllerState) -> None:
     reset_activity(w, s)
-    s.weight[:] = w.first_weight
-    s.level[:] = w.first_level
+    copy_flat(s.weight, w.first_weight)
+    copy_flat(s.level, w.first_level)
     s.events[:] = 0
 
 

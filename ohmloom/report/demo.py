@@ -20,7 +20,9 @@ from ohmloom.units import format_quantity
 
 CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 10, 1
 EVOLUTION = EvolutionSettings(system="HET", repeats=1, population=12, generations=12, seed=SEED)
-LOOP_CARDS = ("hp_tio2_10k", "peo_pani", "linear")
+# Start and end of the state where each law is far from a plain resistor.
+LOOPS = {"hp_tio2_10k": (0.1, 0.9), "peo_pani": (0.001, 0.1), "linear": (0.1, 0.9)}
+PERIOD = 1.0
 
 
 def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
@@ -66,21 +68,23 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
 
 
 def _loops(path: Path) -> str:
-    """Pinched loops under a sine; what was drawn, in words."""
+    """Pinched loops under a sine that moves each device from s0 to s1 and back; what was drawn, in words."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 3.2), layout="constrained")
     spans = []
-    for axes, name in zip(figure.subplots(1, len(LOOP_CARDS)), LOOP_CARDS, strict=True):
+    for axes, (name, (s0, s1)) in zip(figure.subplots(1, len(LOOPS)), LOOPS.items(), strict=True):
         device = Device.load(name)
-        # From the start value W = 0.5, with an amplitude that moves s by a tenth of its range at the least.
-        s0, period = 0.5, 1.0
-        amplitude = 0.4 * np.pi * device.charge_scale * float(device.memristance(s0)) / period
-        t = np.linspace(0.0, period, 401)
-        trace = device.simulate(amplitude * np.sin(2 * np.pi * t / period), t, s0=s0)
+        s = np.linspace(s0, s1, 20001)
+        flux = device.charge_scale * float(np.trapezoid(device.memristance(s), s))
+        # Half a sine of period T and amplitude V carries the flux V T / pi.
+        amplitude = np.pi * flux / PERIOD
+        t = np.linspace(0.0, PERIOD, 401)
+        trace = device.simulate(amplitude * np.sin(2 * np.pi * t / PERIOD), t, s0=s0)
         trace.plot(axes)
         axes.set_title(name)
-        spans.append(f"{name} moves s by {np.ptp(trace.s):.2f} at {format_quantity(amplitude, 'V')}")
+        axes.locator_params(nbins=5)
+        spans.append(f"{name} s = {s0:g} to {trace.s.max():.2g} at {format_quantity(amplitude, 'V')}")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
     write_atomic(path, buffer.getvalue())

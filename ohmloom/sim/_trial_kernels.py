@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom._jit import kernel
+from ohmloom._jit import copy_flat, kernel
 from ohmloom.neurocontroller._kernels import ControllerState, Wiring, reset, timestep
 from ohmloom.sim._arena_kernels import RobotState, World, begin, judge, move, sense
 
@@ -22,7 +22,7 @@ def run(
     delayed = 0
     executed = 0
     if record:
-        path[0] = robot.pose
+        copy_flat(path[0], robot.pose)
         st[0] = 0
     while robot.count[4] == 0:
         sense(world, robot, key, sensors)
@@ -32,11 +32,11 @@ def run(
         move(world, robot, key, action)
         judge(world, robot, key)
         if record:
-            seen[executed] = sensors
+            copy_flat(seen[executed], sensors)
             acted[executed] = action
             spikes[executed, 0] = counts[wiring.neurons - 2]
             spikes[executed, 1] = counts[wiring.neurons - 1]
-            path[executed + 1] = robot.pose
+            copy_flat(path[executed + 1], robot.pose)
             st[executed + 1] = robot.count[0]
         executed += 1
     return executed
