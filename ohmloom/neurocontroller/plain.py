@@ -86,9 +86,7 @@ class PlainController:
                 for k in self.inbound[j]:  # ascending presynaptic index
                     if k in arrived:
                         sent = arrived[k]
-                        total += self.network.sign(synapses[k].pre) * (
-                            self.weights[k] if sent is None else sent
-                        )
+                        total += self.network.sign(synapses[k].pre) * (self.weights[k] if sent is None else sent)
                 current = r.synapse_gain * total
             bias = r.a if j >= INPUTS or r.input_bias else 0.0
             self.y[j], spiked[j] = membrane(self.y[j], current, bias, r)

@@ -19,7 +19,7 @@ from ohmloom.sim import evolution, run_trial
 from ohmloom.sim.evolution import EvolutionSettings, evolve
 
 SMALL = EvolutionSettings(system="HET", repeats=2, generations=21, population=4, seed=3)
-LONGER = SMALL.model_copy(update={"generations": 80})
+LONGER = SMALL.model_copy(update={"generations": 60})
 
 
 def contents(folder):
@@ -127,7 +127,7 @@ from ohmloom.errors import Interrupted
 from ohmloom.sim.evolution import EvolutionSettings, evolve
 
 if __name__ == "__main__":
-    settings = EvolutionSettings(system="HET", repeats=2, generations=80, population=4, seed=3)
+    settings = EvolutionSettings(system="HET", repeats=2, generations=60, population=4, seed=3)
     try:
         evolve(settings, out=sys.argv[1], workers=int(sys.argv[2]), report=lambda *_: print("row", flush=True))
     except Interrupted:
@@ -155,7 +155,7 @@ def test_ctrl_c_then_the_same_command(tmp_path, workers, longer):
     process = start(tmp_path, folder, workers)
     assert process.stdout.readline() == b"row\n"
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes of the group
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=240)
     assert process.returncode == 130, errors
     assert b"Traceback" not in errors
     assert not (folder / "tables" / "summary.csv").exists()
@@ -170,7 +170,7 @@ def test_workers_do_not_outlive_a_killed_driver(tmp_path):
     process.kill()
     # The workers hold the other ends of these pipes, which close when the last of them has ended.
     try:
-        process.communicate(timeout=60)
+        process.communicate(timeout=240)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
