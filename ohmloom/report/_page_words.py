@@ -90,7 +90,7 @@ def success_line(success: Success) -> str:
         return (f"The hardware reaches the goal less often than the ideal network, by {abs(100 * high):.2g} to "
                 f"{abs(100 * low):.2g} points.")  # fmt: skip
     text = (f"It is not shown that the hardware is good enough: from {success.n} starts, it may be up to "
-            f"{abs(100 * low):.2g} points worse than the ideal network, and at most {allowed:g} are allowed.")  # fmt: skip
+            f"{abs(100 * low):.2g} points worse than the ideal network, and {allowed:g} are allowed.")  # fmt: skip
     needed = least_pairs(NON_INFERIORITY)
     return f"{text} It takes {needed} starts or more to show it." if success.n < needed else text
 

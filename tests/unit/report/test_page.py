@@ -259,14 +259,14 @@ def test_same_study_gives_the_same_bytes_whatever_the_callers_style(
     assert (tmp_path / "report.html").read_bytes() == het_page.encode()
 
 
-def test_report_of_full_trials_stays_under_two_megabytes(
+def test_report_of_full_trials_stays_under_a_megabyte(
     make_study: Callable[..., Feasibility], tmp_path: Path
 ) -> None:
     study = make_study("HET", "het_mixed", 1, timesteps=4000)
     write_report(study, tmp_path / "report.html", command=COMMAND)
     assert study.agreement is not None
     assert len(study.agreement.trial.actions) > 2000
-    assert (tmp_path / "report.html").stat().st_size < 2_000_000
+    assert (tmp_path / "report.html").stat().st_size < 1_000_000
 
 
 def test_loaded_study_is_reported_without_pictures(het_study: Feasibility, tmp_path: Path) -> None:
