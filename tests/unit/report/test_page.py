@@ -259,9 +259,7 @@ def test_same_study_gives_the_same_bytes_whatever_the_callers_style(
     assert (tmp_path / "report.html").read_bytes() == het_page.encode()
 
 
-def test_report_of_full_trials_stays_under_a_megabyte(
-    make_study: Callable[..., Feasibility], tmp_path: Path
-) -> None:
+def test_report_of_full_trials_stays_under_a_megabyte(make_study: Callable[..., Feasibility], tmp_path: Path) -> None:
     study = make_study("HET", "het_mixed", 1, timesteps=4000)
     write_report(study, tmp_path / "report.html", command=COMMAND)
     assert study.agreement is not None
