@@ -32,9 +32,7 @@ def frozen_array(where: str, values: Any, axes: Sequence[str], *, dtype: npt.DTy
     array = np.array(values, dtype=dtype)
     shape = ", ".join(axes)
     if array.ndim != len(axes):
-        raise ParameterError(
-            f"{where}: expected axes ({shape}), got shape {array.shape}. Give one axis per name."
-        )
+        raise ParameterError(f"{where}: expected axes ({shape}), got shape {array.shape}. Give one axis per name.")
     for name, length in zip(axes, array.shape, strict=True):
         if "=" in name and int(name.split("=")[1]) != length:
             raise ParameterError(f"{where}: expected axes ({shape}), got shape {array.shape}. Check {name}.")

@@ -116,11 +116,7 @@ def check_format(table: Any, where: str, name: str, version: int) -> dict[str, A
         value = rest.pop(key, None)
         if value != wanted or type(value) is not type(wanted):
             got = "nothing" if value is None else _short(value)
-            advice = (
-                "Check that this is the right file."
-                if key == "format"
-                else "This ohmloom reads only that one."
-            )
+            advice = "Check that this is the right file." if key == "format" else "This ohmloom reads only that one."
             raise FileFormatError(f"{where}: {key}: expected {wanted!r}, got {got}. {advice}")
     return rest
 
@@ -130,9 +126,7 @@ def validate(model: type[M], table: Any, where: str) -> M:
     try:
         return model.model_validate(table)
     except pydantic.ValidationError as error:
-        raise FileFormatError(
-            *(_problem(where, item, model) for item in error.errors(include_url=False))
-        ) from error
+        raise FileFormatError(*(_problem(where, item, model) for item in error.errors(include_url=False))) from error
 
 
 def sha256(data: bytes) -> str:

@@ -59,6 +59,13 @@ def linear_weight(q: int) -> float:
     return q / 1000
 
 
+def charge_levels(lattice: Lattice) -> list[int]:
+    """All charges that events from the start value can reach, ends included, in ascending order."""
+    charges = {*range(lattice.start % lattice.event, lattice.top + 1, lattice.event)}
+    charges |= {*range(0, lattice.top + 1, lattice.event), lattice.top}
+    return sorted(charges)
+
+
 LATTICES = MappingProxyType(
     {
         "hp": Lattice(start=98000, event=99, top=99000, unit=100000, weight=hp_weight),

@@ -8,18 +8,11 @@ from typing import Any
 import numpy as np
 
 from ohmloom.neurocontroller import _kernels
-from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS, Lattice
+from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS, charge_levels
 from ohmloom.neurocontroller.network import INPUTS, OUTPUTS, Network
 
 MASK_LIMIT = 62  # neurons that fit the bits of a signed 64-bit integer
 NOT_PLASTIC = len(PLASTIC_KINDS)
-
-
-def charge_levels(lattice: Lattice) -> list[int]:
-    """All charges that events from the start value can reach, ends included, in ascending order."""
-    charges = {*range(lattice.start % lattice.event, lattice.top + 1, lattice.event)}
-    charges |= {*range(0, lattice.top + 1, lattice.event), lattice.top}
-    return sorted(charges)
 
 
 @cache

@@ -48,10 +48,7 @@ class Lens:
                    top=SMOOTH * box[1] + scale * (centre[1] + reach), scale=scale)  # fmt: skip
 
     def pixels(self, points: npt.ArrayLike) -> list[tuple[float, float]]:
-        return [
-            (self.left + self.scale * float(x), self.top - self.scale * float(y))
-            for x, y in np.asarray(points)
-        ]
+        return [(self.left + self.scale * float(x), self.top - self.scale * float(y)) for x, y in np.asarray(points)]
 
 
 def draw_world(draw: ImageDraw, recording: Recording, arena: ArenaView, lens: Lens) -> None:
@@ -78,9 +75,7 @@ def draw_robot(draw: ImageDraw, recording: Recording, arena: ArenaView, lens: Le
         disc(draw, lens, near[sensor], 0.2 * arena.robot_radius, lit(LIGHT_COLOUR, sensed[3 + sensor]))
 
 
-def disc(
-    draw: ImageDraw, lens: Lens, centre: npt.NDArray[Any], radius: float, fill: str | tuple[int, ...]
-) -> None:
+def disc(draw: ImageDraw, lens: Lens, centre: npt.NDArray[Any], radius: float, fill: str | tuple[int, ...]) -> None:
     (x, y), r = lens.pixels([centre])[0], lens.scale * radius
     draw.ellipse((x - r, y - r, x + r, y + r), fill=fill, outline=INK, width=max(1, SMOOTH // 2))
 

@@ -76,9 +76,7 @@ def replay_gif(recording: Recording, arena: ArenaView, path: Path | str, *, ever
     if every is None:
         every = -(-recording.timesteps // (FRAMES - 1))
     if every < 1:
-        raise ParameterError(
-            f"replay_gif.every: expected at least 1 timestep, got {every}. Use 1 for each timestep."
-        )
+        raise ParameterError(f"replay_gif.every: expected at least 1 timestep, got {every}. Use 1 for each timestep.")
     rows = [*range(0, recording.timesteps, every), recording.timesteps]
     colours = palette()
     scene = _Scene.of(recording, arena)
@@ -192,9 +190,7 @@ class _Scene:
             left, right = BARS_BOX[0] + 78, BARS_BOX[2]
             draw.rectangle(scaled((left, y + 2, right, y + 12)), fill=PALE)
             if share > 0:
-                draw.rectangle(
-                    scaled((left, y + 2, left + float(share) * (right - left), y + 12)), fill=colour
-                )
+                draw.rectangle(scaled((left, y + 2, left + float(share) * (right - left), y + 12)), fill=colour)
 
     def _uncover(self, image: Image, draw: ImageDraw, timestep: int) -> None:
         left, top, right, bottom = (round(edge) for edge in scaled(RASTER_BOX))

@@ -54,9 +54,7 @@ def replay_page(recording: Recording, arena: ArenaView) -> str:
         folder.joinpath(name).read_text(encoding="utf-8")
         for name in ("replay.html", "replay.js", "replay_draw.js", "replay.css")
     )
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
-    )
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     return environment.from_string(template).render(
         name=recording.network_name,
         summary=recording.summary,

@@ -73,16 +73,12 @@ def replay_figure(recording: Recording, arena: ArenaView) -> Figure:
     return figure
 
 
-def _strips(
-    axes: Axes, values: FloatArray, what: str, names: tuple[str, ...], colour: str, top: float
-) -> None:
+def _strips(axes: Axes, values: FloatArray, what: str, names: tuple[str, ...], colour: str, top: float) -> None:
     """One row per signal: height and colour both give the value, so that a dense signal stays legible."""
     time = np.arange(len(values) + 1)
     for row, name in enumerate(names):
         base = len(names) - 1 - row
-        axes.stairs(
-            base + 0.88 * values[:, row] / top, time, baseline=base, fill=True, color=colour, label=name
-        )
+        axes.stairs(base + 0.88 * values[:, row] / top, time, baseline=base, fill=True, color=colour, label=name)
         axes.axhline(base, color="#888888", linewidth=0.5)
     short = [name.removeprefix(f"{what} ") for name in names]
     axes.set_yticks(np.arange(len(names))[::-1] + 0.44, short, fontsize="small")
@@ -100,9 +96,7 @@ def _weights_by_kind(axes: Axes, recording: Recording) -> None:
         axes.fill_between(time, low, high, color=colour, alpha=0.2, linewidth=0)
         for edge in (values.min(axis=1), values.max(axis=1)):
             axes.plot(time, edge, color=colour, linewidth=0.7, linestyle=":")
-        axes.plot(
-            time, np.median(values, axis=1), color=colour, linewidth=1.8, label=f"{kind} ({index.size})"
-        )
+        axes.plot(time, np.median(values, axis=1), color=colour, linewidth=1.8, label=f"{kind} ({index.size})")
     axes.set_ylabel("weight (median,\nquartiles, range)", fontsize="small")
     ends = (recording.weights.min(), recording.weights.max()) if recording.weights.size else (0.0, 1.0)
     axes.set_ylim(min(-0.02, ends[0]), max(1.02, ends[1]))

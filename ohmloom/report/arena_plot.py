@@ -49,9 +49,7 @@ def plot_path(trial: TrialView, arena: ArenaView, ax: Axes | None = None) -> Axe
     colours[bumps] = BACKED_OFF
     points = np.asarray(trial.path)[:, :2]
     segments = np.stack([points[:-1], points[1:]], axis=1)
-    ax.add_collection(
-        LineCollection(list(segments), colors=list(colours), linewidths=1.8, gid="path", zorder=3)
-    )
+    ax.add_collection(LineCollection(list(segments), colors=list(colours), linewidths=1.8, gid="path", zorder=3))
     handles: list[Artist] = [Line2D([], [], color=colour, label=name) for name, colour in ACTIONS.items()]
     if bumps.size:
         cross: dict[str, Any] = {"marker": "x", "color": INK, "markersize": 7, "markeredgewidth": 1.6}

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
 import json
-import multiprocessing
-import multiprocessing.connection
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,14 +15,15 @@ import numpy as np
 from pydantic import Field
 
 from ohmloom import __version__
-from ohmloom._files import StrictModel, parse_json, read_bytes, write_atomic
-from ohmloom.errors import FileFormatError, Interrupted, OperationError, ParameterError, SettingsConflictError
+from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, validate, write_atomic
+from ohmloom.errors import FileFormatError, Interrupted, ParameterError, SettingsConflictError
 from ohmloom.neurocontroller import SYSTEMS, Readings
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.population import PopulationState
+from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
 
+FORMAT, VERSION = "ohmloom.run", 1
 OBSERVE_EVERY = 20  # Section IX
-Report = Callable[[int, dict[str, float]], None]
 
 
 class EvolutionSettings(StrictModel):
@@ -99,16 +93,39 @@ class Evolution:
     out: Path
     repeats: tuple[Repeat, ...]
 
+    @classmethod
+    def load(cls, out: Path | str) -> Evolution:
+        """Read a finished run from its folder.
+
+        Raises
+        ------
+        MissingFileError
+            If the folder holds no run, or a repeat is not finished.
+        FileFormatError
+            If ``run.json`` is not of this version.
+        """
+        path = Path(out) / "run.json"
+        table = check_format(parse_json(read_bytes(path, "run"), str(path)), str(path), FORMAT, VERSION)
+        return _collect(Path(out), validate(EvolutionSettings, table.get("settings"), f"{path}: settings"))
+
+    def _repr_html_(self) -> str:
+        cells = "".join(
+            f"<tr><td>{r.repeat}</td><td>{r.best_fitness:.1f}</td><td>{r.best_success:.0%}</td></tr>"
+            for r in self.repeats
+        )
+        head = "<tr><th>repeat</th><th>best fitness</th><th>success</th></tr>"
+        return f"<table><caption>{self.settings.system}</caption>{head}{cells}</table>"
+
 
 def evolve(
-    settings: EvolutionSettings, *, out: Path | str, workers: int = 1, report: Report | None = None
+    settings: EvolutionSettings | Mapping[str, Any], *, out: Path | str, workers: int = 1, report: Report | None = None
 ) -> Evolution:
     """Run, or resume, an evolution in the folder `out`.
 
     Parameters
     ----------
     settings
-        What to run.
+        What to run; a mapping of the same names will do.
     out
         Run folder; made if absent. With the same settings the run resumes, to the same final bytes.
     workers
@@ -129,26 +146,23 @@ def evolve(
     """
     if workers < 1:
         raise ParameterError(f"evolve.workers: expected at least 1, got {workers}. Use 1 or more.")
+    if not isinstance(settings, EvolutionSettings):
+        settings = validate(EvolutionSettings, dict(settings), "evolve.settings")
     folder = Path(out)
     _claim(folder, settings)
     todo = [k for k in range(settings.repeats) if not _network_path(folder, settings, k).exists()]
     if todo:
-        with _stop_on_interrupt() as stopped:
-            if workers == 1 or len(todo) == 1:
-                for repeat in todo:
-                    if not stopped() and _run_repeat(settings, folder, repeat, stopped, report):
-                        continue
-                    break
-            else:
-                _run_pool(settings, folder, todo, workers, stopped, report)
-            if stopped():
-                raise Interrupted(f"{folder}: interrupted; all finished generations are kept.")
+        with stop_on_interrupt() as stopped:
+            unit = partial(_run_repeat, settings, folder)
+            run_units(unit, todo, workers=workers, stopped=stopped, report=report or (lambda *_: None))
+        if not all(_network_path(folder, settings, k).exists() for k in todo):
+            raise Interrupted(f"{folder}: interrupted; all finished work is kept.")
     return _collect(folder, settings)
 
 
 def _claim(folder: Path, settings: EvolutionSettings) -> None:
     path = folder / "run.json"
-    wanted = {"format": "ohmloom.run", "version": 1, "ohmloom": __version__, "command": "evolve"}
+    wanted: dict[str, Any] = {"format": FORMAT, "version": VERSION, "ohmloom": __version__, "command": "evolve"}
     wanted |= {"settings": settings.model_dump(), "arena": settings.arena().settings()}
     if path.exists():
         found = parse_json(read_bytes(path, "run"), str(path))
@@ -183,9 +197,7 @@ def _network_path(folder: Path, settings: EvolutionSettings, repeat: int) -> Pat
     return folder / "networks" / f"{_stem(settings, repeat)}.net.json"
 
 
-def _run_repeat(
-    settings: EvolutionSettings, folder: Path, repeat: int, stopped: Callable[[], bool], report: Report | None
-) -> bool:
+def _run_repeat(settings: EvolutionSettings, folder: Path, repeat: int, stopped: Stopped, report: Report) -> bool:
     """Run one repeat to its end, or to a stop; whether it finished."""
     checkpoint = folder / "populations" / f"{_stem(settings, repeat)}.json"
     key = (list(SYSTEMS).index(settings.system), repeat)
@@ -202,13 +214,18 @@ def _run_repeat(
                 f"{checkpoint}: expected a checkpoint of this run, got one without {error}. "
                 "Delete it to redo this repeat."
             ) from error
-    else:
-        population.found(settings.system, settings.population, settings.enable_probability, settings.readings)
-        rows.append(population.observe())
 
     def save() -> None:
         write_atomic(checkpoint, json.dumps({"rows": rows, "population": population.to_table()}))
 
+    while not rows:
+        if stopped():
+            save()
+            return False
+        if len(population.individuals) < settings.population:
+            population.found(settings.system, settings.enable_probability, settings.readings)
+        else:
+            rows.append(population.observe())
     while population.generation < settings.generations:
         if stopped():
             save()
@@ -217,12 +234,10 @@ def _run_repeat(
         if population.generation % OBSERVE_EVERY == 0 or population.generation == settings.generations:
             rows.append(population.observe())
             save()
-            if report is not None:
-                report(repeat, rows[-1])
+            report(repeat, rows[-1])
     save()
     _publish(settings, folder, repeat, population, rows)
-    if report is not None:
-        report(repeat, rows[-1])
+    report(repeat, rows[-1])
     return True
 
 
@@ -273,96 +288,3 @@ def _collect(folder: Path, settings: EvolutionSettings) -> Evolution:
         )
     write_atomic(folder / "tables" / "summary.csv", _csv(rows))
     return Evolution(settings=settings, out=folder, repeats=tuple(repeats))
-
-
-@contextlib.contextmanager
-def _stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into a flag, so that a generation is saved; a second one acts as usual."""
-    flag = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield flag.is_set
-        return
-    previous = signal.getsignal(signal.SIGINT)
-
-    def note(*_: Any) -> None:
-        flag.set()
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield flag.is_set
-    finally:
-        signal.signal(signal.SIGINT, previous)
-
-
-_worker_stop: Any = None
-_worker_reports: Any = None
-_worker_parent = 0
-_worker_busy = threading.Lock()
-
-
-def _start_worker(stop: Any, reports: Any, parent: int) -> None:
-    global _worker_stop, _worker_reports, _worker_parent
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _worker_stop, _worker_reports, _worker_parent = stop, reports, parent
-    threading.Thread(target=_end_with_driver, daemon=True).start()
-
-
-def _end_with_driver() -> None:
-    """A worker whose driver was killed would wait for its next task for ever; what it is doing is saved first."""
-    driver = multiprocessing.parent_process()
-    if driver is not None:
-        multiprocessing.connection.wait([driver.sentinel])
-        with _worker_busy:
-            os._exit(1)
-
-
-def _work(settings: EvolutionSettings, folder: Path, repeat: int) -> bool:
-    def stopped() -> bool:
-        # A worker whose driver was killed must not live on.
-        return bool(_worker_stop.is_set()) or os.getppid() != _worker_parent
-
-    with _worker_busy:
-        return _run_repeat(settings, folder, repeat, stopped, lambda k, row: _worker_reports.put((k, row)))
-
-
-def _run_pool(
-    settings: EvolutionSettings,
-    folder: Path,
-    todo: list[int],
-    workers: int,
-    stopped: Callable[[], bool],
-    report: Report | None,
-) -> None:
-    context = multiprocessing.get_context("spawn")
-    stop, reports = context.Event(), context.Queue()
-
-    def pass_on() -> None:
-        while not reports.empty():
-            repeat, row = reports.get()
-            if report is not None:
-                report(repeat, row)
-
-    with ProcessPoolExecutor(
-        min(workers, len(todo)), context, initializer=_start_worker, initargs=(stop, reports, os.getpid())
-    ) as pool:
-        futures = {pool.submit(_work, settings, folder, k) for k in todo}
-        try:
-            while futures:
-                done, futures = wait(futures, timeout=0.2, return_when=FIRST_COMPLETED)
-                pass_on()
-                for future in done:
-                    future.result()
-                if stopped():
-                    stop.set()
-                    for future in futures:
-                        future.cancel()
-                    futures = {future for future in futures if not future.cancelled()}
-        except BrokenProcessPool as error:
-            if stopped():
-                return  # Ctrl-C reaches a worker too, and one that is still starting dies of it.
-            raise OperationError(f"{folder}: a worker process died. Run the same command again to resume.") from error
-        finally:
-            stop.set()
-    # A worker sends its last rows before it ends, which may be after its result was seen.
-    pass_on()

@@ -16,8 +16,8 @@ from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, event_table, place
 from ohmloom.mapping.plan import reads_with_reference
 from ohmloom.neurocontroller import LATTICES, Network, SpikingController
+from ohmloom.neurocontroller.kinds import charge_levels
 from ohmloom.neurocontroller.plain import stdp_sign
-from ohmloom.neurocontroller.wiring import charge_levels
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena

@@ -241,6 +241,10 @@ def useful_event_range(hardware: Hardware, plan: Plan) -> Figure:
 
 def event_fidelity(hardware: Hardware, lost: int, spurious: int, ideal: int, dies: int) -> Figure:
     """Lost and spurious events as a fraction of those that eqs. 10 and 11 ask for."""
+    if ideal == 0 and lost + spurious == 0:
+        return Figure(name="event_fidelity", value=0.0, unit="1", limit=EVENT_FIDELITY_LIMIT, margin=1.0,
+                      source=DESIGN_SOURCE, status=PASS,
+                      detail="no STDP event was asked for, and none was written.")  # fmt: skip
     value = (lost + spurious) / max(ideal, 1)
     margin = margin_of(value, EVENT_FIDELITY_LIMIT, low_is_good=True)
     spread = hardware.spread.threshold
@@ -263,6 +267,10 @@ def closed_loop_success(hardware: Hardware, success: Success | None) -> Figure:
         f"{round(success.hardware * success.n)} of {success.n} on hardware, {round(success.ideal * success.n)} ideal, "
         f"95 % interval of the difference {low:+.3f} to {high:+.3f}, McNemar p = {success.p:.3g}"
     )
+    if success.ideal == 0.0:
+        return Figure(name=name, value=low, unit=unit, limit=NON_INFERIORITY, margin=margin, source=source,
+                      status=FAIL, detail=f"{counts}; the ideal controller never reached the goal, so there is "
+                      "nothing that hardware could keep.")  # fmt: skip
     needed = least_pairs(NON_INFERIORITY)
     if success.n < needed and high >= NON_INFERIORITY:
         return Figure(name=name, value=low, unit=unit, limit=NON_INFERIORITY, margin=margin, source=source,

@@ -82,14 +82,10 @@ class PopulationState:
         self.births = 0
         self.first_solved: int | None = None
 
-    def found(self, system: str, size: int, enable_probability: float, readings: Readings) -> None:
-        """Generation 0: random networks, each tried."""
-        while len(self.individuals) < size:
-            self._join(
-                Network.random(
-                    system=system, rng=self.rng, enable_probability=enable_probability, readings=readings
-                )
-            )
+    def found(self, system: str, enable_probability: float, readings: Readings) -> None:
+        """One more network of generation 0: random, and tried."""
+        network = Network.random(system=system, rng=self.rng, enable_probability=enable_probability, readings=readings)
+        self._join(network)
 
     def advance(self) -> None:
         """One generation: two parents, two offspring, the two worst leave."""

@@ -74,9 +74,7 @@ class Trial:
             ("sensors", ("timestep", "sensor=6"), np.float64), ("actions", ("timestep",), np.int64),
             ("output_spikes", ("timestep", "output=2"), np.int64),
         ):  # fmt: skip
-            object.__setattr__(
-                self, name, frozen_array(f"Trial.{name}", getattr(self, name), axes, dtype=dtype)
-            )
+            object.__setattr__(self, name, frozen_array(f"Trial.{name}", getattr(self, name), axes, dtype=dtype))
 
     def save(self, path: Path | str) -> None:
         """Write the trial as npz, whole or not at all; the same trial gives the same bytes."""
@@ -95,9 +93,7 @@ class Trial:
                 scalars = json.loads(str(archive["scalars"]))
                 return cls(**scalars, **{name: archive[name] for name in _ARRAYS})
         except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise FileFormatError(
-                f"{path}: expected a trial saved by ohmloom, got {error}. Save it again."
-            ) from error
+            raise FileFormatError(f"{path}: expected a trial saved by ohmloom, got {error}. Save it again.") from error
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the path; an Axes in m."""
@@ -108,9 +104,7 @@ class Trial:
         axes.set_aspect("equal")
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
-        axes.set_title(
-            f"{'goal reached' if self.solved else 'goal not reached'} in {self.timesteps} timesteps"
-        )
+        axes.set_title(f"{'goal reached' if self.solved else 'goal not reached'} in {self.timesteps} timesteps")
         return axes
 
     def _repr_html_(self) -> str:
@@ -167,13 +161,9 @@ def run_trial(
     (False, 4000)
     """
     if (rng is None) == (trial_key is None):
-        raise ParameterError(
-            "run_trial: expected either rng or trial_key, got both or none. Pass one of them."
-        )
+        raise ParameterError("run_trial: expected either rng or trial_key, got both or none. Pass one of them.")
     if action_delay not in (0, 1):
-        raise ParameterError(
-            f"run_trial.action_delay: expected 0 or 1, got {action_delay}. Use one of these."
-        )
+        raise ParameterError(f"run_trial.action_delay: expected 0 or 1, got {action_delay}. Use one of these.")
     if trial_key is None:
         assert rng is not None
         trial_key = draw_trial_key(rng)
@@ -276,9 +266,7 @@ def _run_plain(
     return _trial(arena, robot, key, path, st, seen, acted, np.array(spikes, dtype=np.int64).reshape(-1, 2))
 
 
-def _trial(
-    arena: Arena, robot: Any, key: int, path: Any, st: Any, seen: Any, acted: Any, spikes: Any
-) -> Trial:
+def _trial(arena: Arena, robot: Any, key: int, path: Any, st: Any, seen: Any, acted: Any, spikes: Any) -> Trial:
     return Trial(
         fitness=_fitness(arena, robot), solved=_is_solved(arena, robot), timesteps=int(robot.count[0]),
         bumps=int(robot.count[1]), path=path, st=st, sensors=seen, actions=acted, output_spikes=spikes,

@@ -71,13 +71,9 @@ def drive(timesteps: int, task: str = "static") -> StandInTrial:
         np.exp(-np.hypot(*(rows[:-1, :2] - 1).T)),
     )
     wave = 0.5 + 0.5 * np.sin(np.arange(timesteps) / 30)
-    sensors = np.stack(
-        [near[:, 0], near[:, 1], wave * near[:, 1], light * wave, light, light * (1 - wave)], axis=1
-    )
+    sensors = np.stack([near[:, 0], near[:, 1], wave * near[:, 1], light * wave, light, light * (1 - wave)], axis=1)
     outputs = np.stack([8 + 4 * wave, 13 - 4 * wave], axis=1).round().astype(np.int64)
-    return StandInTrial(
-        path=rows, st=st, sensors=sensors, actions=np.array(actions), output_spikes=outputs, task=task
-    )
+    return StandInTrial(path=rows, st=st, sensors=sensors, actions=np.array(actions), output_spikes=outputs, task=task)
 
 
 def record(timesteps: int = 120, hidden: int = 9, synapses: int = 24, **changes: Any) -> Recording:
@@ -215,9 +211,7 @@ def test_figure_shows_median_weight_of_each_kind() -> None:
     weights = replay_figure(recording, ARENA).subfigs[1].axes[-1]
     lines = {line.get_label(): line.get_ydata() for line in weights.lines}
     for kind, index in recording.kinds.items():
-        np.testing.assert_array_equal(
-            lines[f"{kind} ({index.size})"], np.median(recording.weights[:, index], axis=1)
-        )
+        np.testing.assert_array_equal(lines[f"{kind} ({index.size})"], np.median(recording.weights[:, index], axis=1))
 
 
 @pytest.mark.parametrize("suffix", [".png", ".gif", ".html"])
@@ -235,9 +229,7 @@ def test_png_opens_holds_every_kind_and_carries_no_metadata(tmp_path: Path) -> N
     with Image.open(tmp_path / "trial.png") as image:
         assert image.width > 1500
         assert not image.text  # type: ignore[attr-defined]
-        colours = {
-            "#{:02x}{:02x}{:02x}".format(*c[:3]) for _, c in image.convert("RGB").getcolors(1 << 24) or []
-        }
+        colours = {"#{:02x}{:02x}{:02x}".format(*c[:3]) for _, c in image.convert("RGB").getcolors(1 << 24) or []}
     assert {"#d55e00", "#b5548f", "#56b4e9", "#0072b2", "#d99a00"} <= colours
 
 
@@ -262,9 +254,7 @@ def test_gif_trail_grows_and_the_robot_leaves_its_start(tmp_path: Path) -> None:
 
 
 def test_gif_refuses_an_interval_below_one(tmp_path: Path) -> None:
-    with pytest.raises(
-        ParameterError, match=r"^replay_gif\.every: expected at least 1 timestep, got 0\. Use 1 "
-    ):
+    with pytest.raises(ParameterError, match=r"^replay_gif\.every: expected at least 1 timestep, got 0\. Use 1 "):
         replay_gif(record(5), ARENA, tmp_path / "a.gif", every=0)
     assert list(tmp_path.iterdir()) == []
 
@@ -332,9 +322,7 @@ def test_odd_names_and_nets_without_synapses_are_drawn(tmp_path: Path, suffix: s
 def test_replay_refuses_other_suffixes(tmp_path: Path, name: str, got: str) -> None:
     with pytest.raises(ParameterError) as error:
         replay(record(5), ARENA, tmp_path / name)
-    expected = (
-        f"replay.path: expected a suffix among .gif, .html, .png, got {got}. Name the file like a.html."
-    )
+    expected = f"replay.path: expected a suffix among .gif, .html, .png, got {got}. Name the file like a.html."
     assert str(error.value) == expected
     assert list(tmp_path.iterdir()) == []
 

@@ -93,7 +93,7 @@ def test_a_stop_between_generations_loses_nothing(reference, tmp_path, monkeypat
         return asked > after
 
     with monkeypatch.context() as patch:
-        patch.setattr(evolution, "_stop_on_interrupt", lambda: contextlib.nullcontext(stopped))
+        patch.setattr(evolution, "stop_on_interrupt", lambda: contextlib.nullcontext(stopped))
         with pytest.raises(Interrupted):
             evolve(SMALL, out=tmp_path / "run")
     assert contents(tmp_path / "run") != contents(reference[0])

@@ -111,6 +111,17 @@ def test_success_on_assumed_spreads_cannot_pass():
     assert f.closed_loop_success(HARDWARE, paired_success(outcome, outcome)).status == "ASSUMED"
 
 
+def test_a_network_that_never_reaches_the_goal_fails():
+    figure = f.closed_loop_success(HARDWARE, paired_success([False] * 80, [False] * 80))
+    assert figure.status == "FAIL"
+    assert "the ideal controller never reached the goal" in figure.detail
+
+
+def test_no_events_at_all_are_none_lost():
+    assert f.event_fidelity(HARDWARE, 0, 0, 0, 20).status == "PASS"
+    assert f.event_fidelity(HARDWARE, 0, 5, 0, 20).status == "FAIL"
+
+
 def test_few_dies_suffice_to_fail():
     figure = f.closed_loop_success(HARDWARE, paired_success([True] * 20, [False] * 20))
     assert figure.status == "FAIL"

@@ -15,6 +15,11 @@ from ohmloom.sim.population import IndividualState, PopulationState, roulette, r
 SHORT = Arena.paper().replace(max_timesteps=30)
 
 
+def found(state, system, size):
+    for _ in range(size):
+        state.found(system, 0.5, Readings())
+
+
 def individual(birth, fitness):
     network = Network.random(system="HP", rng=np.random.default_rng(birth), hidden=2)
     return IndividualState(network=network, birth=birth, trial_keys=[birth], total=fitness, trials=1)
@@ -118,7 +123,7 @@ def test_fitness_is_the_mean_over_the_starts():
     alone = [run_starts(network, SHORT, [key])[0][0] for key in keys]
     assert together.tolist() == alone
     state = PopulationState(SHORT, np.random.default_rng(1), starts=5, reevaluate=False)
-    state.found("HET", 3, 0.5, Readings())
+    found(state, "HET", 3)
     for member in state.individuals:
         fitness, _ = run_starts(member.network, SHORT, start_keys(member.trial_keys[0], 5))
         assert member.trials == 5
@@ -128,7 +133,7 @@ def test_fitness_is_the_mean_over_the_starts():
 def test_a_dynamic_population_without_rewards_has_fitness_0():
     arena = Arena.paper(task="dynamic").replace(max_timesteps=20)
     state = PopulationState(arena, np.random.default_rng(1), starts=1, reevaluate=False)
-    state.found("HP", 4, 0.5, Readings())
+    found(state, "HP", 4)
     assert [i.fitness for i in state.individuals] == [0.0] * 4
 
 
@@ -136,7 +141,7 @@ def test_the_first_solution_is_remembered():
     arena = SHORT.replace(goal=-1.9, start_line=-1.5)  # every start is beyond this line
     state = PopulationState(arena, np.random.default_rng(1), starts=1, reevaluate=False)
     assert state.first_solved is None
-    state.found("LIN", 3, 0.5, Readings())
+    found(state, "LIN", 3)
     assert state.first_solved == 0
     assert state.observe()["mean_success"] == 1.0
 
@@ -145,7 +150,7 @@ def test_the_first_solution_is_remembered():
 def test_a_checkpoint_continues_exactly(system):
     options = {"starts": 2, "reevaluate": True}
     whole = PopulationState(SHORT, np.random.default_rng(4), **options)
-    whole.found(system, 5, 0.5, Readings())
+    found(whole, system, 5)
     whole.advance()
     table = json.loads(json.dumps(whole.to_table()))
     other = PopulationState(SHORT, np.random.default_rng(999), **options)
