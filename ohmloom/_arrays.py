@@ -1,14 +1,20 @@
-"""The one gate through which arrays enter frozen objects."""
+"""The one gate through which arrays enter frozen objects, and the one file format that keeps them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ohmloom.errors import ParameterError
+from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
+from ohmloom.errors import FileFormatError, ParameterError
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -40,3 +46,47 @@ def frozen_array(where: str, values: Any, axes: Sequence[str], *, dtype: npt.DTy
         raise ParameterError(f"{where}: expected finite numbers, got NaN or infinity. Check the input.")
     array.flags.writeable = False
     return array
+
+
+def write_arrays(
+    path: Path | str, what: str, version: int, header: Mapping[str, Any], arrays: Mapping[str, Any]
+) -> None:
+    """Write named arrays and a JSON header as compressed npz, whole; the same contents give the same bytes."""
+    table = {"format": f"ohmloom.{what}", "version": version, **header}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, header=np.array(json.dumps(table, sort_keys=True)), **arrays)
+    write_atomic(path, buffer.getvalue())
+
+
+def read_arrays(
+    path: Path | str, what: str, version: int, names: Sequence[str]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read what `write_arrays` wrote: header, and the arrays of these names.
+
+    Raises
+    ------
+    MissingFileError
+        If the file does not exist.
+    FileFormatError
+        If it is damaged, of another format or version, or lacks an array of numbers.
+    """
+    where = str(path)
+    try:
+        with np.load(io.BytesIO(read_bytes(path, what)), allow_pickle=False) as archive:
+            found = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, zipfile.BadZipFile, zlib.error,
+            NotImplementedError) as error:  # fmt: skip
+        if isinstance(error, FileNotFoundError):
+            raise
+        raise FileFormatError(
+            f"{where}: expected an npz file of a {what}, got {error}. It may be truncated."
+        ) from error
+    if "header" not in found or found["header"].dtype.kind != "U":
+        raise FileFormatError(f"{where}: header: expected text, got nothing. Check that this is a {what} file.")
+    header = check_format(parse_json(str(found["header"]).encode(), where), where, f"ohmloom.{what}", version)
+    for name in names:
+        if name not in found:
+            raise FileFormatError(f"{where}: {name}: expected an array, got nothing. Make the {what} again.")
+        if found[name].dtype.kind not in "fiub":
+            raise FileFormatError(f"{where}: {name}: expected numbers, got {found[name].dtype}. Make the {what} again.")
+    return header, {name: found[name] for name in names}

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import html
-import io
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ohmloom._arrays import FloatArray, frozen_array
-from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
+from ohmloom._arrays import FloatArray, frozen_array, read_arrays, write_arrays
 from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.units import format_quantity
 
@@ -83,11 +80,8 @@ class Trace:
 
     def save(self, path: str | Path) -> None:
         """Write all arrays and the provenance as npz: the same trace always gives the same bytes."""
-        header = {"format": FORMAT, "version": VERSION, "provenance": json.loads(self.provenance)}
-        buffer = io.BytesIO()
         arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
-        np.savez(buffer, header=np.array(json.dumps(header, sort_keys=True)), **arrays)
-        write_atomic(path, buffer.getvalue())
+        write_arrays(path, "trace", VERSION, {"provenance": json.loads(self.provenance)}, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> Trace:
@@ -100,23 +94,12 @@ class Trace:
         FileFormatError
             If it is not a whole trace file.
         """
-        where = str(path)
-        found = _read_arrays(read_bytes(path, "trace"), where)
-        if "header" not in found or found["header"].dtype.kind != "U":
-            raise FileFormatError(f"{where}: header: expected text, got nothing. Check that this is a trace file.")
-        header = check_format(parse_json(str(found["header"]).encode(), where), where, FORMAT, VERSION)
-        for name in ARRAYS:
-            if name not in found:
-                raise FileFormatError(f"{where}: {name}: expected an array, got nothing. Make the trace again.")
-            if found[name].dtype.kind not in "fiu":
-                raise FileFormatError(
-                    f"{where}: {name}: expected numbers, got {found[name].dtype}. Make the trace again."
-                )
+        header, arrays = read_arrays(path, "trace", VERSION, ARRAYS)
         try:
             provenance = json.dumps(header.get("provenance", {}), sort_keys=True)
-            return cls(**{name: found[name] for name in ARRAYS}, provenance=provenance)
+            return cls(**arrays, provenance=provenance)
         except ParameterError as error:
-            raise FileFormatError(f"{where}: {error}") from error
+            raise FileFormatError(f"{path}: {error}") from error
 
     def _repr_html_(self) -> str:
         name = json.loads(self.provenance).get("device", "device")
@@ -129,11 +112,3 @@ class Trace:
         ]
         cells = "".join(f"<tr><th>{html.escape(key)}</th><td>{html.escape(value)}</td></tr>" for key, value in rows)
         return f"<table>{cells}</table>"
-
-
-def _read_arrays(data: bytes, where: str) -> dict[str, Any]:
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"{where}: expected an npz file of a trace, got {error}. It may be truncated.") from error

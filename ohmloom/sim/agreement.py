@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ohmloom import __version__
-from ohmloom._arrays import FloatArray, IntArray
+from ohmloom._arrays import FloatArray, IntArray, frozen_array, read_arrays, write_arrays
+from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.mapping import Die, EmulatedController, Hardware, Ledger, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.sim.arena import Arena
-from ohmloom.sim.trial import Trial, draw_trial_key, run_trial
+from ohmloom.sim.trial import TRIAL_ARRAYS, Trial, draw_trial_key, run_trial
 
 STEPS = 21
 MOST_TIES = 5  # on a network without linear synapses
@@ -30,7 +32,7 @@ class Divergence:
     neuron: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Agreement:
     """A discrete and an emulated controller over one trial; the discrete one drives the robot.
 
@@ -66,6 +68,49 @@ class Agreement:
     emulated_weights: FloatArray
     spikes: IntArray
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("weights", "emulated_weights"):
+            object.__setattr__(self, name, frozen_array(f"Agreement.{name}", getattr(self, name), _WEIGHT_AXES))
+        spikes = frozen_array("Agreement.spikes", self.spikes, ("timestep", "neuron"), dtype=np.int64)
+        object.__setattr__(self, "spikes", spikes)
+
+    def save(self, path: Path | str) -> None:
+        """Write the comparison with its trial as npz, whole."""
+        header = {name: getattr(self, name) for name in _SCALARS} | {"provenance": dict(self.provenance)}
+        header["first_divergence"] = None if self.first_divergence is None else asdict(self.first_divergence)
+        header["ledger"] = asdict(self.ledger)
+        header["trial"], arrays = self.trial.to_parts()
+        write_arrays(path, "agreement", 1, header, arrays | {name: getattr(self, name) for name in _ARRAYS})
+
+    @classmethod
+    def load(cls, path: Path | str) -> Agreement:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        MissingFileError, FileFormatError
+            If the file does not exist, or is not a whole comparison.
+        """
+        header, arrays = read_arrays(path, "agreement", 1, (*_ARRAYS, *TRIAL_ARRAYS))
+        try:
+            trial = Trial(**header.pop("trial"), **{name: arrays.pop(name) for name in TRIAL_ARRAYS})
+            first, ledger = header.pop("first_divergence"), Ledger(**header.pop("ledger"))
+            divergence = None if first is None else Divergence(**first)
+            return cls(trial=trial, first_divergence=divergence, ledger=ledger, **header, **arrays)
+        except (KeyError, ParameterError, TypeError) as error:
+            raise FileFormatError(f"{path}: expected a saved agreement, got {error}. Save it again.") from error
+
+    def _repr_html_(self) -> str:
+        cells = "".join(f"<tr><th>{name}</th><td>{getattr(self, name)}</td></tr>" for name in _SCALARS)
+        return f"<table><caption>Agreement</caption>{cells}</table>"
+
+
+_WEIGHT_AXES = ("timestep", "synapse")
+_ARRAYS = ("weights", "emulated_weights", "spikes")
+_SCALARS = (
+    "exact", "ties", "spike_agreement", "action_agreement", "worst_rms", "final_rms", "worst_weight_error",
+)  # fmt: skip
 
 
 def agreement(

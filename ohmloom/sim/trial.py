@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,8 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ohmloom import __version__
-from ohmloom._arrays import FloatArray, IntArray, frozen_array
-from ohmloom._files import read_bytes, write_atomic
+from ohmloom._arrays import FloatArray, IntArray, frozen_array, read_arrays, write_arrays
 from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.sim.arena import Arena
 
@@ -78,21 +73,27 @@ class Trial:
 
     def save(self, path: Path | str) -> None:
         """Write the trial as npz, whole or not at all; the same trial gives the same bytes."""
-        scalars = {k: getattr(self, k) for k in _SCALARS} | {"provenance": dict(self.provenance)}
-        buffer = io.BytesIO()
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        np.savez_compressed(buffer, scalars=np.array(json.dumps(scalars)), **arrays)
-        write_atomic(path, buffer.getvalue())
+        header, arrays = self.to_parts()
+        write_arrays(path, "trial", 1, header, arrays)
+
+    def to_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Plain values and arrays of the trial, for files that hold it."""
+        header = {k: getattr(self, k) for k in _SCALARS} | {"provenance": dict(self.provenance)}
+        return header, {name: getattr(self, name) for name in TRIAL_ARRAYS}
 
     @classmethod
     def load(cls, path: Path | str) -> Trial:
-        """Read what `save` wrote."""
-        data = read_bytes(path, "trial")
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        MissingFileError, FileFormatError
+            If the file does not exist, or is not a whole trial.
+        """
+        header, arrays = read_arrays(path, "trial", 1, TRIAL_ARRAYS)
         try:
-            with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-                scalars = json.loads(str(archive["scalars"]))
-                return cls(**scalars, **{name: archive[name] for name in _ARRAYS})
-        except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            return cls(**header, **arrays)
+        except (ParameterError, TypeError) as error:
             raise FileFormatError(f"{path}: expected a trial saved by ohmloom, got {error}. Save it again.") from error
 
     def plot(self, ax: Any = None) -> Any:
@@ -113,7 +114,7 @@ class Trial:
 
 
 _SCALARS = ("fitness", "solved", "timesteps", "bumps", "task", "trial_key")
-_ARRAYS = ("path", "st", "sensors", "actions", "output_spikes")
+TRIAL_ARRAYS = ("path", "st", "sensors", "actions", "output_spikes")
 
 
 def draw_trial_key(rng: np.random.Generator) -> int:

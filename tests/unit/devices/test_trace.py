@@ -110,7 +110,7 @@ def test_a_damaged_file_is_refused(trace, tmp_path):
     path = tmp_path / "a.npz"
     trace.save(path)
     data = bytearray(path.read_bytes())
-    data[data.index(trace.s.tobytes()) + 12] ^= 0xFF
+    data[len(data) // 2] ^= 0xFF
     path.write_bytes(bytes(data))
     with pytest.raises(FileFormatError, match=r"a\.npz"):
         Trace.load(path)

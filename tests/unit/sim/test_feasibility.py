@@ -6,7 +6,7 @@ import pytest
 from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController
-from ohmloom.sim import Arena, Feasibility, agreement, feasibility, run_trial
+from ohmloom.sim import Agreement, Arena, Feasibility, agreement, feasibility, run_trial
 from ohmloom.sim.feasibility import _start
 
 NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))
@@ -83,6 +83,18 @@ def test_card_of_another_ratio_claims_no_equality_with_the_paper():
     study = feasibility(network, other, dies=0, arena=SHORT)
     assert study.exactness == {"rule_table": True}
     assert set(study.not_applicable) == {"lattice", "network_charge"}
+
+
+def test_agreement_can_be_saved_and_loaded(tmp_path):
+    result = agreement(NETWORK, Hardware.load("het_mixed"), seed=1, arena=SHORT, perturb=0.2)
+    result.save(tmp_path / "a.npz")
+    loaded = Agreement.load(tmp_path / "a.npz")
+    loaded.save(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    assert loaded.first_divergence == result.first_divergence
+    assert loaded.ledger == result.ledger
+    assert (loaded.trial.path == result.trial.path).all()
+    assert (loaded.weights == result.weights).all()
 
 
 def test_agreement_notices_a_wrong_charge():
