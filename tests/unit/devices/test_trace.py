@@ -106,14 +106,24 @@ def test_a_truncated_file_is_refused(trace, tmp_path, cut):
         Trace.load(path)
 
 
-def test_a_damaged_file_is_refused(trace, tmp_path):
+def test_a_damaged_file_is_refused_or_unharmed(trace, tmp_path):
+    """One byte of the zip's own bookkeeping may not matter; no byte may change a number unnoticed."""
     path = tmp_path / "a.npz"
     trace.save(path)
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    path.write_bytes(bytes(data))
-    with pytest.raises(FileFormatError, match=r"a\.npz"):
-        Trace.load(path)
+    whole = path.read_bytes()
+    refused = 0
+    for place in range(0, len(whole), 7):
+        data = bytearray(whole)
+        data[place] ^= 0xFF
+        path.write_bytes(bytes(data))
+        try:
+            back = Trace.load(path)
+        except FileFormatError:
+            refused += 1
+        else:
+            for name in ("t", "v", "i", "q", "s"):
+                np.testing.assert_array_equal(getattr(back, name), getattr(trace, name))
+    assert refused > 20
 
 
 def test_a_single_array_is_not_a_trace(tmp_path):
