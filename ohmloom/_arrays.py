@@ -72,7 +72,7 @@ def read_arrays(
     """
     where = str(path)
     try:
-        with np.load(io.BytesIO(read_bytes(path, what)), allow_pickle=False) as archive:
+        with np.load(io.BytesIO(read_bytes(path, what, limit=None)), allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
     except (OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, zipfile.BadZipFile, zlib.error,
             NotImplementedError) as error:  # fmt: skip

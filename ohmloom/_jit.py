@@ -6,9 +6,13 @@ not in the functions which that one calls.
 
 from __future__ import annotations
 
+import atexit
 import hashlib
+import logging
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -32,7 +36,23 @@ def cache_directory() -> Path:
     return base / f"kernels-{digest.hexdigest()[:12]}"
 
 
-os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_directory()))
+def _writable_cache() -> str:
+    """The cache folder, or one for this process where it cannot be written: never one without the sources' digest."""
+    folder = cache_directory()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return str(folder)
+    except OSError as error:
+        substitute = tempfile.mkdtemp(prefix="ohmloom-kernels-")
+        atexit.register(shutil.rmtree, substitute, ignore_errors=True)
+        reason = error.strerror or error
+        logging.getLogger(__name__).warning("%s: %s; kernels are compiled for this process only", folder, reason)
+        return substitute
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    os.environ["NUMBA_CACHE_DIR"] = _writable_cache()
 
 import numba  # noqa: E402 - after its cache directory is set
 from numba.core import types  # noqa: E402

@@ -10,14 +10,13 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
 
 from ohmloom import __version__
+from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
 
 if TYPE_CHECKING:
@@ -41,6 +40,8 @@ HardwareHelp = "Shipped spec (ideal, hp_1t1r, het_mixed) or a TOML file."
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit; errors are one line on stderr, without a traceback."""
+    if sys.stdout is None or sys.stderr is None:
+        sys.exit(3)
     words = list(sys.argv[1:] if arguments is None else arguments)
     verbose = "--verbose" in words
     words = [word for word in words if word != "--verbose"]
@@ -48,25 +49,33 @@ def main(arguments: list[str] | None = None) -> None:
         code = app(words, standalone_mode=False)
         sys.stdout.flush()
         if code == INTERRUPTED:
-            _fail("interrupted", INTERRUPTED)
+            _interrupted("interrupted.", words)
         sys.exit(code if isinstance(code, int) else 0)
     except (typer.Abort, KeyboardInterrupt):
-        _fail("interrupted", INTERRUPTED)
+        _interrupted("interrupted.", words)
     except Interrupted as error:
-        _fail(f"{error} Resume with: ohmloom {shlex.join(words)}", INTERRUPTED)
+        _interrupted(str(error), words)
     except OhmloomError as error:
         more = len(error.problems) - 1
         text = str(error) if verbose else error.problems[0] + (f" (and {more} more; see --verbose)" if more else "")
         _fail(text, 3 if isinstance(error, OperationError) else 2)
     except typer.TyperException as error:
-        message = error.format_message().replace("Value error, ", "")
-        _fail(f"{message} See 'ohmloom --help'.", 2)
+        message = error.format_message().replace("Value error, ", "").strip()
+        if message.startswith("Usage:"):
+            print(message)
+            sys.exit(2)
+        _fail(f"{message.rstrip('.')}. See 'ohmloom --help'.", 2)
     except BrokenPipeError:
         # The reader of our output is gone; nothing is left to tell it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(3)
     except OSError as error:
         _fail(f"{error.filename or 'system'}: expected to read and write files, got {error.strerror or error}.", 3)
+
+
+def _interrupted(text: str, words: list[str]) -> NoReturn:
+    resume = f" Resume with: ohmloom {shlex.join(words)}" if words[:1] == ["evolve"] else ""
+    _fail(text + resume, INTERRUPTED)
 
 
 def _fail(text: str, code: int) -> NoReturn:
@@ -115,8 +124,8 @@ def evolve(
         system=system, repeats=repeats, generations=generations, population=population, seed=seed, task=task,
         starts=starts, reevaluate=reevaluate,
     )  # fmt: skip
-    _say(f"{system}, {repeats} repeats of {generations} generations, seed {seed} (compiling at the first run)")
-    with _bars({k: f"{system} {k}" for k in range(repeats)}, generations) as update:
+    say(f"{system}, {repeats} repeats of {generations} generations, seed {seed} (compiling at the first run)")
+    with bars({k: f"{system} {k}" for k in range(repeats)}, generations) as update:
         evolution = run(
             settings, out=out, workers=workers,
             report=lambda k, row: update(k, int(row["generation"]), f"best {row['best_fitness']:.0f}, "
@@ -145,10 +154,11 @@ def map_network(
     """Place a network on a crossbar: which synapse on which device, line and conductance."""
     from ohmloom.mapping import Hardware, place
     from ohmloom.neurocontroller import Network
-    from ohmloom.report.output import save_plan
+    from ohmloom.report.output import PLAN_FILES, save_plan
 
     plan = place(Network.load(net), Hardware.load(hardware))
-    _check_folder(out)
+    check_folder(out)
+    check_targets([out / name for name in PLAN_FILES], [net, Path(hardware)])
     paths = save_plan(plan, out)
     if json_:
         _print_json({"plan": str(paths[0]), "files": [str(p) for p in paths], "tiles": [
@@ -177,26 +187,27 @@ def evaluate(
     """Would this network work on this hardware, and why (not)? Exit code 0 for PASS, else 1."""
     from ohmloom.mapping import Hardware, place
     from ohmloom.neurocontroller import Network
-    from ohmloom.report.output import save_study
+    from ohmloom.report.output import STUDY_FILES, save_study
     from ohmloom.sim import feasibility
 
     pairs = [(net, name, Network.load(net), Hardware.load(name)) for net in nets for name in hardware]
     for _, _, network, spec in pairs:
         place(network, spec)
-    if out is not None:
-        _check_folder(out)
+    folders = study_folders(out, nets, hardware)
+    for folder in folders:
+        check_folder(folder)
+        check_targets([folder / name for name in STUDY_FILES], [*nets, *map(Path, hardware)])
     studies = []
-    for net, name, network, spec in pairs:
-        _say(f"{network.name} on {spec.name}, {dies} dies, seed {seed} (compiling at the first run)")
-        with _bars({0: "dies"}, dies) as update:
+    for k, (net, name, network, spec) in enumerate(pairs):
+        say(f"{network.name} on {spec.name}, {dies} dies, seed {seed} (compiling at the first run)")
+        with bars({0: "dies"}, dies) as update:
             study = feasibility(network, spec, dies=dies, seed=seed, progress=lambda k, _: update(0, k, ""))
         studies.append(study)
-        if out is not None:
-            folder = out if len(pairs) == 1 else out / f"{network.name}_{spec.name}"
+        if folders:
             command = shlex.join(["ohmloom", "evaluate", str(net), "--hardware", name, "--dies", str(dies),
                                   "--seed", str(seed)])  # fmt: skip
-            save_study(study, folder, command=command)
-            _say(f"wrote {folder / 'report.html'} and {folder / 'report.json'}")
+            save_study(study, folders[k], command=command)
+            say(f"wrote {folders[k] / 'report.html'} and {folders[k] / 'report.json'}")
         if not json_:
             _print_study(study)
     if json_:
@@ -211,6 +222,9 @@ def replay(
     out: Annotated[Path, typer.Option(help="FILE.html, FILE.gif or FILE.png.")],
     hardware: Annotated[str | None, typer.Option(help=HardwareHelp + " Without it: the ideal controller.")] = None,
     seed: SeedOption = 0,
+    die: Annotated[
+        int | None, typer.Option(min=0, help="Die and start of this number in 'evaluate' with the same seed.")
+    ] = None,
     task: Annotated[Task | None, typer.Option(help="Default: the network's own.")] = None,
 ) -> None:
     """Show one trial: robot, sensors, spikes and weights, as a page, an animation or a figure."""
@@ -219,11 +233,16 @@ def replay(
     from ohmloom.report.output import check_suffix, replay_network
 
     check_suffix(out)
+    if out.is_dir():
+        raise ParameterError(f"--out: expected a file, got the folder {out}. Use another path.")
+    check_folder(out.parent)
+    check_targets([out], [net, *([Path(hardware)] if hardware else [])])
     network = Network.load(net)
     spec = None if hardware is None else Hardware.load(hardware)
-    trial = replay_network(network, out, hardware=spec, seed=seed, task=task)
+    trial = replay_network(network, out, hardware=spec, seed=seed, task=task, die=die)
     end = "goal reached" if trial.solved else "goal not reached"
-    print(f"{out}: {end} in {trial.timesteps} timesteps, {trial.bumps} bumps, seed {seed}")
+    print(f"{out}: {end} in {trial.timesteps} counted timesteps ({len(trial.actions)} executed), "
+          f"{trial.bumps} bumps, seed {seed}")  # fmt: skip
 
 
 @app.command()
@@ -233,7 +252,7 @@ def demo(
     """Every piece once, on shipped inputs, computed now, in under a minute."""
     from ohmloom.report.demo import run_demo
 
-    _check_folder(out)
+    check_folder(out)
     run_demo(out, say=print)
 
 
@@ -291,19 +310,6 @@ def _print_json(table: Any) -> None:
     print(json.dumps(table, indent=1))
 
 
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse a place that cannot be a folder before any work is done for it."""
-    inside = next((p for p in [folder, *folder.parents] if p.exists()), Path())
-    if not inside.is_dir():
-        raise ParameterError(f"--out: expected a folder, got the file {inside}. Use another path.")
-    if not os.access(inside, os.W_OK):
-        raise ParameterError(f"--out: expected a folder that can be written, got {inside}. Use another path.")
-
-
 def _assumed(hardware: Any) -> list[str]:
     from ohmloom.mapping.hardware import UNITS
     from ohmloom.units import format_quantity
@@ -332,27 +338,3 @@ def _print_study(study: Feasibility) -> None:
         print(f"  goal reached from {s.hardware:.1%} of {s.n} starts on hardware, {s.ideal:.1%} ideal")
     held = ", ".join(f"{name} {'holds' if holds else 'DOES NOT HOLD'}" for name, holds in study.exactness.items())
     print(f"  exactness: {held}")
-
-
-@contextmanager
-def _bars(names: dict[int, str], total: int) -> Iterator[Any]:
-    """One progress bar per name on a terminal, else a line per fifth of the way; both on stderr."""
-    if sys.stderr.isatty():
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-        columns = (TextColumn("{task.description:8}"), BarColumn(), TextColumn("{task.completed:.0f}/{task.total:.0f}"),
-                   TimeRemainingColumn(), TextColumn("{task.fields[note]}"))  # fmt: skip
-        with Progress(*columns, console=Console(stderr=True)) as progress:
-            bars = {key: progress.add_task(name, total=total, note="") for key, name in names.items()}
-            yield lambda key, done, note: progress.update(bars[key], completed=done, note=note)
-        return
-    shown: dict[int, int] = {}
-
-    def line(key: int, done: int, note: str) -> None:
-        fifth = 5 * done // max(total, 1)
-        if fifth > shown.get(key, 0) or done == total:
-            shown[key] = fifth
-            _say(f"{names[key]}: {done} of {total}{', ' if note else ''}{note}")
-
-    yield line

@@ -13,8 +13,8 @@ from ohmloom._files import StrictModel, check_format, parse_toml, read_bytes, sh
 from ohmloom.devices import Device
 from ohmloom.errors import FileFormatError, UnknownNameError
 from ohmloom.mapping.quantity import NotNegative, Positive, Quantity, Zero
-from ohmloom.mapping.waveform import WAVEFORMS
-from ohmloom.neurocontroller import KINDS
+from ohmloom.mapping.waveform import WAVEFORMS, check_rule
+from ohmloom.neurocontroller import KINDS, Readings
 
 FORMAT, VERSION = "ohmloom.hardware", 1
 
@@ -55,14 +55,22 @@ class DriveSpec(StrictModel):
     def _check(self) -> Self:
         if (self.mode == "current") != (self.pulse_duration is not None):
             raise ValueError("pulse_duration with mode = 'current', and only with it")
+        if self.mode == "charge_metered" and self.parallelism == "array":
+            raise ValueError("parallelism 'cell' or 'column' with mode = 'charge_metered': one meter a column")
+        for voltage in self.pulse_voltage.extremes:
+            # Unlike the check against a network's own readings, this one holds for the paper's rule.
+            check_rule(self.levels_at(voltage), self.threshold.value, Readings())
         return self
 
     @property
     def levels(self) -> tuple[float, ...]:
         """Voltage of a line for ls = 0, 1, 2, 3 [V]."""
+        return self.levels_at(self.pulse_voltage.value)
+
+    def levels_at(self, pulse_voltage: float) -> tuple[float, ...]:
+        """The same for another pulse voltage [V]."""
         waveform = WAVEFORMS[self.waveform]
-        unit = self.pulse_voltage.value / waveform.event
-        return tuple(level * unit for level in waveform.levels)
+        return tuple(level * pulse_voltage / waveform.event for level in waveform.levels)
 
 
 class ReadSpec(StrictModel):
@@ -128,6 +136,14 @@ class _HardwareFile(StrictModel):
     spread: SpreadSpec
     endurance: EnduranceSpec
     limits: LimitSpec = LimitSpec()
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if max(self.read.voltage.extremes) >= self.drive.threshold.value:
+            highest, threshold = max(self.read.voltage.extremes), self.drive.threshold.value
+            raise ValueError(f"read.voltage: expected less than drive.threshold = {threshold:g} V over its range, "
+                             f"got {highest:g} V. A read must not write; lower it.")  # fmt: skip
+        return self
 
 
 class Hardware(_HardwareFile):

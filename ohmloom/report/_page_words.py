@@ -7,7 +7,7 @@ from typing import Final
 
 from ohmloom.sim import Agreement, Feasibility, Trial
 from ohmloom.sim.figures import FAIL, NON_INFERIORITY, PASS
-from ohmloom.sim.statistics import Success, least_pairs
+from ohmloom.sim.statistics import Success, pairs_needed
 
 FIGURES: Final = {
     "event_fidelity": "Learning events lost or invented",
@@ -17,14 +17,14 @@ FIGURES: Final = {
     "energy_per_timestep": "Energy for one timestep",
     "pulses_per_device": "Pulses on the busiest device",
     "endurance": "Trials until the busiest device wears out",
-    "closed_loop_success": "Success of the robot, hardware less ideal",
+    "closed_loop_success": "Success, hardware less ideal: lower 95 % bound",
 }
 STATUSES: Final = {
     "PASS": "keeps its limit with at least 20 % to spare",
     "MARGINAL": "keeps its limit with less than 20 % to spare",
     "FAIL": "breaks its limit",
     "ASSUMED": "rests on an assumed input or has no limit in the spec; a measurement could change it",
-    "NOT_RUN": "not found out in this study",
+    "NOT_RUN": "not decided by this study",
 }
 EXACTNESS: Final = {
     "rule_table": "The write pulses change a device exactly when the learning rule asks for it, and in its direction.",
@@ -91,8 +91,8 @@ def success_line(success: Success) -> str:
                 f"{abs(100 * low):.2g} points.")  # fmt: skip
     text = (f"It is not shown that the hardware is good enough: from {success.n} starts, it may be up to "
             f"{abs(100 * low):.2g} points worse than the ideal network, and {allowed:g} are allowed.")  # fmt: skip
-    needed = least_pairs(NON_INFERIORITY)
-    return f"{text} It takes {needed} starts or more to show it." if success.n < needed else text
+    needed = pairs_needed(success.only_hardware, success.only_ideal, success.n, NON_INFERIORITY)
+    return f"{text} If it went on like this, {needed} starts would show it." if needed else text
 
 
 def p_line(success: Success) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ohmloom._files import write_atomic
 from ohmloom.devices import Device
+from ohmloom.errors import Interrupted
 from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import champion
 from ohmloom.report.output import replay_network, save_plan, save_study
@@ -36,7 +37,11 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
     size = f"{EVOLUTION.population} {EVOLUTION.system} networks, {EVOLUTION.generations} generations"
     say(f"2  evolution: {size} (compiling)")
     with tempfile.TemporaryDirectory() as folder:
-        outcome = evolve(EVOLUTION, out=Path(folder) / "run").repeats[0]
+        try:
+            outcome = evolve(EVOLUTION, out=Path(folder) / "run").repeats[0]
+        except Interrupted as stop:
+            # The folder that it could resume from goes with this block.
+            raise KeyboardInterrupt from stop
         write_atomic(out / "evolved.net.json", outcome.network.read_bytes())
     say(f"   best fitness {outcome.best_fitness:.0f}; {out / 'evolved.net.json'}")
 
@@ -53,7 +58,8 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
 
     say(f"5  evaluation: {DIES} dies against the ideal controller, one start each")
     study = feasibility(network, hardware, dies=DIES, seed=SEED)
-    command = f"ohmloom evaluate {CHAMPION}.net.json --hardware {HARDWARE} --dies {DIES} --seed {SEED}"
+    network.save(out / f"{CHAMPION}.net.json")
+    command = f"ohmloom evaluate {out / CHAMPION}.net.json --hardware {HARDWARE} --dies {DIES} --seed {SEED}"
     save_study(study, out, command=command)
     say(f"   verdict {study.verdict}")
     for reason in study.reasons:

@@ -14,7 +14,11 @@ from ohmloom.mapping import EmulatedController, Hardware, Plan, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.report.replay import FORMATS, Recording, replay
 from ohmloom.sim import Arena, Feasibility, Trial, run_trial
+from ohmloom.sim.feasibility import start_key
 from ohmloom.sim.trial import draw_trial_key
+
+PLAN_FILES = ("plan.json", "placement.csv", "crossbars.png")
+STUDY_FILES = ("report.html", "report.json", "plan.json")
 
 
 def save_plan(plan: Plan, out: Path) -> list[Path]:
@@ -29,7 +33,7 @@ def save_plan(plan: Plan, out: Path) -> list[Path]:
         writer.writerows(rows)
     picture = io.BytesIO()
     plot_plan(plan).savefig(picture, format="png", dpi=150, metadata={"Software": None})
-    paths = [out / "plan.json", out / "placement.csv", out / "crossbars.png"]
+    paths = [out / name for name in PLAN_FILES]
     plan.save(paths[0])
     write_atomic(paths[1], buffer.getvalue())
     write_atomic(paths[2], picture.getvalue())
@@ -40,7 +44,7 @@ def save_study(study: Feasibility, out: Path, *, command: str) -> list[Path]:
     """Write ``report.html``, ``report.json`` and ``plan.json`` to a folder; their paths."""
     from ohmloom.report.page import write_report
 
-    paths = [out / "report.html", out / "report.json", out / "plan.json"]
+    paths = [out / name for name in STUDY_FILES]
     assert study.plan is not None
     study.plan.save(paths[2])
     study.save(paths[1])
@@ -61,22 +65,32 @@ def check_suffix(path: Path) -> None:
 
 
 def replay_network(
-    network: Network, path: Path, *, hardware: Hardware | None = None, seed: int = 0, task: str | None = None
+    network: Network,
+    path: Path,
+    *,
+    hardware: Hardware | None = None,
+    seed: int = 0,
+    task: str | None = None,
+    die: int | None = None,
 ) -> Trial:
     """Run one trial, of the ideal controller or of a sampled die, and draw it to `path` (.html, .gif or .png).
+
+    With `die`, start and die are those of that number in `feasibility` with the same seed.
 
     Raises
     ------
     ParameterError
-        If the file has another ending.
+        If the file has another ending, or `die` is given without hardware.
     MappingError
         If the network cannot be placed on `hardware`.
     """
     check_suffix(path)
+    if die is not None and hardware is None:
+        raise ParameterError(f"--die: expected --hardware with it, got die {die} alone. Name the hardware.")
     if hardware is None:
         controller: SpikingController | EmulatedController = SpikingController(network)
     else:
-        controller = EmulatedController(place(network, hardware).sample(seed=seed))
+        controller = EmulatedController(place(network, hardware).sample(seed=seed, die=die or 0))
     chosen = task if task is not None else str(network.provenance.get("task", "static"))
     arena = Arena(task="dynamic" if chosen == "dynamic" else "static")
     weights, spikes = [], []
@@ -85,7 +99,7 @@ def replay_network(
         weights.append(controller.weights)
         spikes.append(controller.spike_counts)
 
-    key = draw_trial_key(np.random.default_rng(seed))
+    key = draw_trial_key(np.random.default_rng(seed)) if die is None else start_key(seed, die)
     trial = run_trial(controller, arena, trial_key=key, on_timestep=record)
     labels = network.labels()
     recording = Recording(

@@ -65,7 +65,7 @@ def paired_success(ideal: list[bool], hardware: list[bool]) -> Success:
     )  # fmt: skip
 
 
-def tango_score(b: int, c: int, n: int, difference: float) -> float:
+def tango_score(b: float, c: float, n: float, difference: float) -> float:
     """Score statistic of a paired difference (Tango, Statistics in Medicine 17 (1998) 891, eq. 11).
 
     `b` pairs have only the first successful, `c` only the second, of `n`; `difference` is first minus second.
@@ -79,7 +79,7 @@ def tango_score(b: int, c: int, n: int, difference: float) -> float:
     return distance / math.sqrt(variance) if variance > 0.0 else math.copysign(math.inf, distance)
 
 
-def tango_interval(b: int, c: int, n: int, z: float = Z95) -> tuple[float, float]:
+def tango_interval(b: float, c: float, n: float, z: float = Z95) -> tuple[float, float]:
     """Score interval of the paired difference (b - c) / n, within [-1, 1]."""
     from scipy.optimize import brentq
 
@@ -95,12 +95,25 @@ def tango_interval(b: int, c: int, n: int, z: float = Z95) -> tuple[float, float
     return bound(z, -edge), bound(-z, edge)
 
 
-def least_pairs(limit: float, z: float = Z95) -> int:
-    """Pairs that it takes for a difference of 0 without any discordant pair to have a lower bound of `limit`.
+def pairs_needed(b: int, c: int, n: int, limit: float, most: int = 1_000_000) -> int | None:
+    """Pairs at which the lower bound would reach `limit`, were the same outcome to go on; None if it never would.
 
-    From tango_score with b = c = 0: lower bound = -z^2 / (n + z^2).
+    Without a discordant pair the lower bound is -z^2 / (n + z^2), so that it takes 73 pairs for 5 points.
 
-    >>> least_pairs(-0.05)
-    73
+    >>> pairs_needed(0, 0, 20, -0.05), pairs_needed(0, 5, 20, -0.05)
+    (73, None)
     """
-    return math.ceil(z * z * (1.0 / abs(limit) - 1.0))
+
+    def is_enough(pairs: int) -> bool:
+        return tango_interval(b * pairs / n, c * pairs / n, pairs)[0] >= limit
+
+    if not is_enough(most):
+        return None
+    low, high = 1, most
+    while low < high:
+        middle = (low + high) // 2
+        if is_enough(middle):
+            high = middle
+        else:
+            low = middle + 1
+    return low

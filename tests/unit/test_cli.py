@@ -1,6 +1,7 @@
 """The command line as a stranger meets it: answers, files, exit codes, and one line when something is wrong."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -88,6 +89,51 @@ def test_out_that_is_a_file_is_refused_before_any_work(run, net):
     assert code == 2
     assert "--out: expected a folder, got the file" in one_line(err)
     assert net.read_bytes() == before
+
+
+@pytest.mark.parametrize("verb", ["map", "evaluate", "replay"])
+def test_output_never_replaces_an_input(run, net, verb):
+    """A network file under the name of an output, in the folder that the outputs go to."""
+    name = {"map": "plan.json", "evaluate": "report.json", "replay": "trial.html"}[verb]
+    source = net.with_name(name)
+    source.write_bytes(net.read_bytes())
+    out = source if verb == "replay" else source.parent
+    code, _, err = run(verb, source, "--hardware", "hp_1t1r", "--out", out)
+    assert code == 2
+    assert "expected to leave the input" in one_line(err)
+    assert source.read_bytes() == net.read_bytes()
+
+
+def test_pairs_are_told_apart_by_their_files(run, net, tmp_path):
+    other = tmp_path / "other.net.json"
+    other.write_bytes(net.read_bytes().replace(b'"network"', b'"../../escape"'))
+    run("evaluate", net, other, "--hardware", "hp_1t1r", "--dies", 0, "--out", tmp_path / "studies")
+    assert {p.name for p in (tmp_path / "studies").iterdir()} == {"small_hp_1t1r", "other_hp_1t1r"}
+    code, _, err = run("evaluate", net, net, "--hardware", "hp_1t1r", "--dies", 0, "--out", tmp_path / "twice")
+    assert code == 2
+    assert "got small_hp_1t1r twice" in one_line(err)
+    assert not (tmp_path / "twice").exists()
+
+
+def test_replay_of_a_die_is_the_trial_of_evaluate(run, net, tmp_path):
+    _, out, _ = run("evaluate", net, "--hardware", "hp_1t1r", "--dies", 2, "--seed", 3, "--json")
+    die = json.loads(out)["dies"][1]
+    page = tmp_path / "die.html"
+    _, out, _ = run("replay", net, "--hardware", "hp_1t1r", "--die", 1, "--seed", 3, "--out", page)
+    assert ("goal reached" in out) == die["hardware"]
+    code, _, err = run("replay", net, "--die", 1, "--out", page)
+    assert code == 2
+    assert "expected --hardware with it" in one_line(err)
+
+
+def test_kernels_without_a_cache_folder_leave_nothing_in_the_package(tmp_path):
+    """A cache that cannot be written must not end beside the sources, where nothing tells old kernels from new."""
+    (tmp_path / "file").write_text("")
+    code = "import os, ohmloom._jit; print(os.environ['NUMBA_CACHE_DIR'])"
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment["OHMLOOM_CACHE"] = str(tmp_path / "file")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert "ohmloom-kernels-" in done.stdout
 
 
 def test_kind_that_cannot_be_built_is_named(run, tmp_path):
@@ -180,7 +226,8 @@ def test_interrupted_evolution_says_how_to_resume_and_loses_nothing(tmp_path):
 
 def test_folder_that_cannot_be_written_is_refused(run, net, tmp_path, monkeypatch):
     # Permissions do not bind root, so the answer of the system is replaced, not the folder's mode.
-    monkeypatch.setattr("os.access", lambda *_: False)
+    real = os.access
+    monkeypatch.setattr("os.access", lambda path, mode: mode != os.W_OK and real(path, mode))
     code, _, err = run("map", net, "--hardware", "hp_1t1r", "--out", tmp_path / "map")
     assert code == 2
     assert "expected a folder that can be written" in one_line(err)

@@ -125,7 +125,7 @@ def test_success_is_put_into_plain_words() -> None:
     assert "less often than the ideal network" in success_line(paired_success([True] * 90, [False] * 90))
     undecided = success_line(paired_success([True] * 5, [True] * 5))
     assert "not shown that the hardware is good enough: from 5 starts" in undecided
-    assert "It takes 73 starts or more" in undecided
+    assert "73 starts would show it" in undecided
 
 
 def test_exactness_shows_what_holds_and_what_does_not_apply(ga_study: Feasibility, ga_page: str) -> None:
@@ -150,7 +150,7 @@ def test_each_assumed_value_stands_with_its_range_and_nothing_else_does(het_stud
     assert any(q.is_assumed for q in quantities.values())
     for name, quantity in quantities.items():
         assert (name in shown) == quantity.is_assumed
-    assert "drive.pulse_voltage 1 V 500 mV to 2 V assumed: 1 V as in Strukov" in shown
+    assert "drive.pulse_voltage 1 V 800 mV to 1.4 V assumed: 1 V as in Strukov" in shown
     assert "hp_tio2_10k: r_on 10 kOhm" in shown
 
 

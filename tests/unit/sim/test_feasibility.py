@@ -7,7 +7,7 @@ from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.sim import Agreement, Arena, Feasibility, agreement, feasibility, run_trial
-from ohmloom.sim.feasibility import _start
+from ohmloom.sim.feasibility import start_key
 
 NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))
 SHORT = Arena(max_timesteps=60)
@@ -20,9 +20,9 @@ def study():
 
 def test_success_is_that_of_the_trials_it_names(study):
     plan = place(NETWORK, Hardware.load("het_mixed"))
-    ideal = [run_trial(SpikingController(NETWORK), SHORT, trial_key=_start(5, d)).solved for d in range(3)]
+    ideal = [run_trial(SpikingController(NETWORK), SHORT, trial_key=start_key(5, d)).solved for d in range(3)]
     built = [
-        run_trial(EmulatedController(plan.sample(seed=5, die=d)), SHORT, trial_key=_start(5, d)).solved
+        run_trial(EmulatedController(plan.sample(seed=5, die=d)), SHORT, trial_key=start_key(5, d)).solved
         for d in range(3)
     ]
     assert (study.success.ideal, study.success.hardware) == (np.mean(ideal), np.mean(built))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from ohmloom.sim.statistics import Z95, least_pairs, paired_success, tango_interval, tango_score
+from ohmloom.sim.statistics import Z95, paired_success, pairs_needed, tango_interval, tango_score
 
 
 @pytest.mark.parametrize(("b", "c", "n"), [(0, 0, 20), (3, 9, 100), (1, 0, 44), (12, 2, 30)])
@@ -36,9 +36,15 @@ def test_all_discordant_pairs_reach_the_end_of_the_scale():
     assert tango_interval(20, 0, 20)[1] == 1.0
 
 
-def test_least_pairs_is_the_smallest_that_reaches_the_limit():
-    n = least_pairs(-0.05)
+def test_pairs_needed_is_the_smallest_number_that_reaches_the_limit():
+    n = pairs_needed(0, 0, 20, -0.05)
     assert tango_interval(0, 0, n)[0] >= -0.05 > tango_interval(0, 0, n - 1)[0]
+    n = pairs_needed(20, 20, 200, -0.05)
+    assert tango_interval(n / 10, n / 10, n)[0] >= -0.05 > tango_interval((n - 1) / 10, (n - 1) / 10, n - 1)[0]
+
+
+def test_no_number_of_pairs_shows_what_is_not_so():
+    assert pairs_needed(0, 12, 200, -0.05) is None
 
 
 def test_counts_rates_and_p():
