@@ -23,11 +23,21 @@ mkdir -p docs/examples
 command="ohmloom evaluate $net --hardware het_mixed --dies 20 --seed 1"
 { echo "\$ $command"; $command 2> /dev/null || test $? -eq 1; } > docs/examples/evaluate.txt
 python - <<'PY'
+import csv
 import re
 from pathlib import Path
 
 readme = Path("README.md")
-shown = "```text\n" + Path("docs/examples/evaluate.txt").read_text() + "```\n"
-marked = re.compile(r"(<!-- evaluate -->\n).*?(<!-- end -->)", re.DOTALL)
-readme.write_text(marked.sub(lambda found: found[1] + shown + found[2], readme.read_text()))
+table = "| system | goal reached from fresh starts | 95 % interval | synapses |\n|---|---|---|---|\n"
+with open("examples/champions/champions.csv") as file:
+    for row in csv.DictReader(file):
+        success, low, high = (100 * float(row[key]) for key in ("test_success", "test_low", "test_high"))
+        count = f"{success:.1f} % of {row['test_starts']}"
+        table += f"| {row['system']} | {count} | {low:.1f} to {high:.1f} % | {row['synapses']} |\n"
+shown = {"evaluate": "```text\n" + Path("docs/examples/evaluate.txt").read_text() + "```\n", "champions": table}
+text = readme.read_text()
+for name, block in shown.items():
+    marked = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    text = marked.sub(lambda found: found[1] + block + found[2], text)
+readme.write_text(text)
 PY

@@ -14,7 +14,9 @@ import argparse
 import csv
 import io
 import json
+import multiprocessing
 from collections import defaultdict
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -57,46 +59,57 @@ def command(settings: EvolutionSettings) -> str:
     return words + f" --out runs/{settings.system}-{settings.seed}"
 
 
+def choose(runs: list[Path], out: Path) -> dict[str, object]:
+    """Screen the networks of one system's runs, test the best, write it; its row of the table."""
+    entries, commands = [], []
+    for run in runs:
+        settings, found = candidates(run)
+        entries += [(settings, *entry) for entry in found]
+        commands.append(command(settings))
+    system = entries[0][0].system
+    solved, tried = np.zeros(len(entries)), 0
+    alive = list(range(len(entries)))
+    for starts, kept in ROUNDS:
+        batch = keys(SCREEN_STREAM, tried, starts)
+        for k in alive:
+            solved[k] += run_starts(entries[k][3], entries[k][0].arena(), batch)[1]
+        tried += starts
+        alive = sorted(alive, key=lambda k: (-solved[k], k))[:kept]
+    settings, repeat, birth, network = entries[alive[0]]
+    fitness, reached = run_starts(network, settings.arena(), keys(TEST_STREAM, 0, TEST_STARTS))
+    interval = binomtest(reached, TEST_STARTS).proportion_ci(method="wilson")
+    provenance = {
+        "command": command(settings), "seed": settings.seed, "repeat": repeat, "birth": birth,
+        "generation": settings.generations, "task": settings.task, "starts": settings.starts,
+        "trial_key": keys(TEST_STREAM, 0, 1)[0], "fitness": float(fitness[0]),
+        "fresh_starts": TEST_STARTS, "fresh_starts_solved": reached, "mean_fitness": float(fitness.mean()),
+    }  # fmt: skip
+    network.replace(name=system, provenance=provenance).save(out / f"{system}.net.json")
+    return {
+        "system": system, "runs": " ; ".join(commands), "networks_screened": len(entries),
+        "screening_starts": tried, "screening_success": solved[alive[0]] / tried, "test_starts": TEST_STARTS,
+        "test_success": reached / TEST_STARTS, "test_low": round(interval.low, 4),
+        "test_high": round(interval.high, 4), "mean_fitness": round(float(fitness.mean()), 1),
+        "hidden": len(network.hidden), "synapses": len(network.synapses),
+    }  # fmt: skip
+
+
 def main() -> None:
     """Screen, test, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--workers", type=int, default=1, help="processes; they do not change the result")
     options = parser.parse_args()
-    systems: dict[str, list] = defaultdict(list)
-    commands: dict[str, list[str]] = defaultdict(list)
+    systems: dict[str, list[Path]] = defaultdict(list)
     for run in options.runs:
-        settings, found = candidates(run)
-        systems[settings.system] += [(settings, *entry) for entry in found]
-        commands[settings.system].append(command(settings))
+        systems[candidates(run)[0].system].append(run)
     rows = []
-    for system, entries in systems.items():
-        solved, tried = np.zeros(len(entries)), 0
-        alive = list(range(len(entries)))
-        for starts, kept in ROUNDS:
-            batch = keys(SCREEN_STREAM, tried, starts)
-            for k in alive:
-                solved[k] += run_starts(entries[k][3], entries[k][0].arena(), batch)[1]
-            tried += starts
-            alive = sorted(alive, key=lambda k: (-solved[k], k))[:kept]
-        settings, repeat, birth, network = entries[alive[0]]
-        fitness, reached = run_starts(network, settings.arena(), keys(TEST_STREAM, 0, TEST_STARTS))
-        interval = binomtest(reached, TEST_STARTS).proportion_ci(method="wilson")
-        provenance = {
-            "command": command(settings), "seed": settings.seed, "repeat": repeat, "birth": birth,
-            "generation": settings.generations, "task": settings.task, "starts": settings.starts,
-            "trial_key": keys(TEST_STREAM, 0, 1)[0], "fitness": float(fitness[0]),
-            "fresh_starts": TEST_STARTS, "fresh_starts_solved": reached, "mean_fitness": float(fitness.mean()),
-        }  # fmt: skip
-        network.replace(name=system, provenance=provenance).save(options.out / f"{system}.net.json")
-        rows.append({
-            "system": system, "runs": " ; ".join(commands[system]), "networks_screened": len(entries),
-            "screening_starts": tried, "screening_success": solved[alive[0]] / tried, "test_starts": TEST_STARTS,
-            "test_success": reached / TEST_STARTS, "test_low": round(interval.low, 4),
-            "test_high": round(interval.high, 4), "mean_fitness": round(float(fitness.mean()), 1),
-            "hidden": len(network.hidden), "synapses": len(network.synapses),
-        })  # fmt: skip
-        print(f"{system}: {reached} of {TEST_STARTS} fresh starts, best of {len(entries)} networks", flush=True)
+    with ProcessPoolExecutor(options.workers, multiprocessing.get_context("spawn")) as pool:
+        for row in pool.map(choose, systems.values(), [options.out] * len(systems)):
+            rows.append(row)
+            print(f"{row['system']}: {row['test_success']:.1%} of {TEST_STARTS} fresh starts, "
+                  f"best of {row['networks_screened']} networks", flush=True)  # fmt: skip
     buffer = io.StringIO()
     writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
     writer.writeheader()
