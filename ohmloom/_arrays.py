@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
-from ohmloom.errors import FileFormatError, ParameterError
+from ohmloom.errors import FileFormatError, ParameterError, shown
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -35,7 +35,11 @@ def frozen_array(where: str, values: Any, axes: Sequence[str], *, dtype: npt.DTy
     ParameterError
         If the number of axes or a fixed length disagrees, or if a value is NaN or infinite.
     """
-    array = np.array(values, dtype=dtype)
+    try:
+        array = np.array(values, dtype=dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ParameterError(f"{where}: expected numbers, axes ({', '.join(axes)}), got {shown(values)}. "
+                             "Give an array of numbers.") from error  # fmt: skip
     shape = ", ".join(axes)
     if array.ndim != len(axes):
         raise ParameterError(f"{where}: expected axes ({shape}), got shape {array.shape}. Give one axis per name.")

@@ -5,22 +5,45 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import tempfile
 import tomllib
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import pydantic
 
-from ohmloom.errors import FileFormatError, MissingFileError, OperationError
+from ohmloom.errors import (
+    FileFormatError,
+    MissingFileError,
+    OhmloomError,
+    OperationError,
+    ParameterError,
+    expect_type,
+    shown,
+)
 
 M = TypeVar("M", bound=pydantic.BaseModel)
+TEXT_LIMIT = 16_000_000  # bytes; ours are far smaller
+DEPTH_LIMIT = 64  # levels of nesting; ours have five
+# tomllib takes a time that grows with the cube of a dotted key's length, so long ones are refused unread.
+_LONG_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){64}""")
 
 
 class StrictModel(pydantic.BaseModel):
-    """A table read from a file: strict types, no unknown keys, frozen."""
+    """A table read from a file or made in Python: strict types, no unknown keys, frozen."""
 
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except pydantic.ValidationError as error:
+            raise ParameterError(*_problems(type(self).__name__, error, type(self), ".")) from error
+
+    # Parsing a table must go around this constructor, or the errors of inner tables would lose their place.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 def write_atomic(path: Path | str, data: bytes | str) -> None:
@@ -43,28 +66,46 @@ def write_atomic(path: Path | str, data: bytes | str) -> None:
             os.fsync(file.fileno())
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # a NUL in a path is a ValueError
         if temporary and os.path.exists(temporary):
             os.unlink(temporary)
         raise OperationError(
-            f"{path}: expected a file that can be written, got {error.strerror or error}. Check the folder."
+            f"{_path_text(path)}: expected a file that can be written, got {_why(error)}. Check the folder."
         ) from error
 
 
-def read_bytes(path: Path | str, what: str) -> bytes:
-    """Read a whole file; `what` names it in the error ("network", "hardware spec").
+def remove_temporaries(folder: Path, is_ours: Callable[[str], bool]) -> None:
+    """Remove what a killed `write_atomic` left in `folder`, for the files whose name `is_ours`."""
+    for leftover in folder.glob(".*"):
+        name = re.fullmatch(r"\.(.+)\.[a-z0-9_]{8}", leftover.name)
+        if name and is_ours(name[1]):
+            leftover.unlink(missing_ok=True)
+
+
+def read_bytes(path: Path | str, what: str, *, limit: int | None = TEXT_LIMIT) -> bytes:
+    """Read a whole file of at most `limit` bytes; `what` names it in the error ("network", "hardware spec").
 
     Raises
     ------
     MissingFileError
         If it does not exist or cannot be read.
+    FileFormatError
+        If it is larger than `limit`.
+    ParameterError
+        If `path` is no path.
     """
+    expect_type(f"{what} file", path, str, os.PathLike, name="a path")
     try:
-        return Path(path).read_bytes()
-    except OSError as error:
+        with open(path, "rb") as file:
+            data = file.read(-1 if limit is None else limit + 1)
+    except (OSError, ValueError) as error:
         raise MissingFileError(
-            f"{path}: expected a {what} file, got {error.strerror or error}. Check the path."
+            f"{_path_text(path)}: expected a {what} file, got {_why(error)}. Check the path."
         ) from error
+    if limit is not None and len(data) > limit:
+        raise FileFormatError(f"{_path_text(path)}: expected a {what} file of at most {limit // 10**6} MB, "
+                              "got a larger one. Check that this is the right file.")  # fmt: skip
+    return data
 
 
 def parse_json(data: bytes, where: str) -> Any:
@@ -74,33 +115,69 @@ def parse_json(data: bytes, where: str) -> Any:
         raise FileFormatError(f"{where}: expected finite numbers, got {constant}. Replace it with a number.")
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        keys = [key for key, _ in pairs]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise FileFormatError(f"{where}: expected each key once, got {key!r} twice. Remove one.")
-        return dict(pairs)
+        table: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in table:
+                raise FileFormatError(f"{where}: expected each key once, got {shown(key)} twice. Remove one.")
+            table[key] = value
+        return table
 
+    return _parse(
+        lambda text: json.loads(text, parse_constant=refuse, object_pairs_hook=unique), data, where, "JSON object"
+    )
+
+
+def parse_toml(data: bytes, where: str) -> dict[str, Any]:
+    """Parse TOML."""
+
+    def loads(text: str) -> Any:
+        if _LONG_KEY.search(text):
+            raise RecursionError
+        return tomllib.loads(text)
+
+    table: dict[str, Any] = _parse(loads, data, where, "TOML table")
+    return table
+
+
+def _parse(loads: Callable[[str], Any], data: bytes, where: str, what: str) -> Any:
     try:
-        return json.loads(data.decode("utf-8"), parse_constant=refuse, object_pairs_hook=unique)
+        table = loads(data.decode("utf-8"))
+        _check_depth(table)
+        return table
+    except OhmloomError:
+        raise
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{where}: expected UTF-8 text, got byte {error.start} that is not. "
                               "Save the file as UTF-8.") from error  # fmt: skip
     except RecursionError as error:
-        raise FileFormatError(f"{where}: expected a shallow JSON object, got one nested too deeply. "
+        raise FileFormatError(f"{where}: expected a shallow {what}, got one nested too deeply. "
                               "Check that this is the right file.") from error  # fmt: skip
     except json.JSONDecodeError as error:
         raise FileFormatError(
             f"{where}: expected JSON, got {error.msg} at line {error.lineno}, column {error.colno}. "
             "The file may be truncated."
         ) from error
+    except tomllib.TOMLDecodeError as error:
+        got = shown(str(error), 200)[1:-1]
+        raise FileFormatError(f"{where}: expected TOML, got {got}. The file may be truncated.") from error
+    except ValueError as error:  # Python reads no integer of more than 4300 digits
+        raise FileFormatError(f"{where}: expected numbers that fit 64 bits, got an integer of thousands of digits. "
+                              "Shorten it.") from error  # fmt: skip
 
 
-def parse_toml(data: bytes, where: str) -> dict[str, Any]:
-    """Parse TOML."""
-    try:
-        return tomllib.loads(data.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"{where}: expected TOML, got {error}. The file may be truncated.") from error
+def _check_depth(table: Any) -> None:
+    """Later code may walk a table recursively, so it must be shallow; this walk is not recursive."""
+    level = [table]
+    for _ in range(DEPTH_LIMIT):
+        level = [
+            item
+            for part in level
+            if isinstance(part, dict | list)
+            for item in (part.values() if isinstance(part, dict) else part)
+        ]
+        if not level:
+            return
+    raise RecursionError
 
 
 def check_format(table: Any, where: str, name: str, version: int) -> dict[str, Any]:
@@ -109,13 +186,13 @@ def check_format(table: Any, where: str, name: str, version: int) -> dict[str, A
     Returns the table without them.
     """
     if not isinstance(table, dict):
-        raise FileFormatError(f"{where}: expected an object with the key 'format', got {_short(table)}. "
+        raise FileFormatError(f"{where}: expected an object with the key 'format', got {shown(table)}. "
                               "Check that this is the right file.")  # fmt: skip
     rest = dict(table)
     for key, wanted in (("format", name), ("version", version)):
         value = rest.pop(key, None)
         if value != wanted or type(value) is not type(wanted):
-            got = "nothing" if value is None else _short(value)
+            got = "nothing" if value is None else shown(value)
             advice = "Check that this is the right file." if key == "format" else "This ohmloom reads only that one."
             raise FileFormatError(f"{where}: {key}: expected {wanted!r}, got {got}. {advice}")
     return rest
@@ -126,7 +203,12 @@ def validate(model: type[M], table: Any, where: str) -> M:
     try:
         return model.model_validate(table)
     except pydantic.ValidationError as error:
-        raise FileFormatError(*(_problem(where, item, model) for item in error.errors(include_url=False))) from error
+        raise FileFormatError(*_problems(where, error, model, ": ")) from error
+
+
+def advise(problems: Iterable[str], advice: str) -> list[str]:
+    """The same problems with another last sentence: what to do with a file that nobody writes by hand."""
+    return [f"{problem.rpartition('. ')[0]}. {advice}" for problem in problems]
 
 
 def sha256(data: bytes) -> str:
@@ -134,30 +216,40 @@ def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+def _why(error: OSError | ValueError) -> str:
+    return getattr(error, "strerror", None) or str(error)
 
 
-def _problem(where: str, item: Any, model: type[pydantic.BaseModel]) -> str:
+def _path_text(path: Any) -> str:
+    """A path as an error shows it: as it is, unless that would break the line."""
+    text = os.fsdecode(path)
+    return text if text.isprintable() and len(text) < 1000 else shown(text)
+
+
+def _problems(where: str, error: pydantic.ValidationError, model: type[pydantic.BaseModel], joint: str) -> list[str]:
+    return [_problem(where, item, model, joint) for item in error.errors(include_url=False)]
+
+
+def _problem(where: str, item: Any, model: type[pydantic.BaseModel], joint: str) -> str:
     field = ""
     for part in item["loc"]:
-        field += f"[{part}]" if isinstance(part, int) else (f".{part}" if field else str(part))
-    head = f"{where}: {field}" if field else where
+        name = str(part) if str(part).isprintable() and len(str(part)) <= 60 else shown(part)
+        field += f"[{part}]" if isinstance(part, int) else (f".{name}" if field else name)
+    head = f"{where}{joint}{field}" if field else where
     if item["type"] == "extra_forbidden":
         import difflib
 
         known = _fields_at(model, item["loc"][:-1])
         near = difflib.get_close_matches(str(item["loc"][-1]), known, n=1, cutoff=0.5)
         advice = f"Did you mean {near[0]!r}?" if near else "Remove it."
-        return f"{head}: expected no such key, got {_short(item['input'])}. {advice}"
+        return f"{head}: expected no such key, got {shown(item['input'])}. {advice}"
     if item["type"] == "missing":
         return f"{head}: expected a value, got nothing. Add it."
     message = item["msg"].removeprefix("Value error, ")
     if item["type"] == "value_error" and ": expected" in message:
-        return f"{where}: {message}"
+        return f"{where}{joint}{message}"
     rule = message.removeprefix("Input should be ")
-    return f"{head}: expected {rule}, got {_short(item['input'])}. Correct it."
+    return f"{head}: expected {rule}, got {shown(item['input'])}. Correct it."
 
 
 def _fields_at(model: type[pydantic.BaseModel], location: tuple[Any, ...]) -> list[str]:

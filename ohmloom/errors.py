@@ -72,7 +72,7 @@ def shown(value: object, limit: int = 60) -> str:
     try:
         text = repr(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits, a list inside itself
-        return f"a {type(value).__name__} too large to show"
+        return f"one {type(value).__name__} too large to show"
     text = text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
@@ -108,7 +108,7 @@ def expect_integer(where: str, value: Any, low: int = 0, high: int | None = None
 def expect_number(where: str, value: Any, rule: str = "a finite number") -> float:
     """`value` as a finite float; `rule` is what the error says, with the unit."""
     number = math.nan
-    if isinstance(value, Real) and not isinstance(value, bool):
+    if not isinstance(value, bool) and isinstance(value, Real):
         try:
             number = float(value)
         except OverflowError:

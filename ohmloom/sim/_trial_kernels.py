@@ -16,7 +16,10 @@ def run(
     counts: IntArray, sensors: FloatArray, action_delay: int, record: bool,
     path: FloatArray, st: IntArray, seen: FloatArray, acted: IntArray, spikes: IntArray,
 ) -> int:  # fmt: skip
-    """Run until the goal or the end, recording if `record`. Returns the executed timesteps."""
+    """Run until the goal or the end, recording if `record`. Returns the executed timesteps.
+
+    A recording also ends with its rows: nothing is written beyond them, whatever the arena.
+    """
     reset(wiring, controller)
     begin(world, robot, key)
     delayed = 0
@@ -24,7 +27,8 @@ def run(
     if record:
         copy_flat(path[0], robot.pose)
         st[0] = 0
-    while robot.count[4] == 0:
+    rows = path.shape[0] - 1
+    while robot.count[4] == 0 and not (record and executed >= rows):
         sense(world, robot, key, sensors)
         action = timestep(wiring, controller, sensors, counts)
         if action_delay:

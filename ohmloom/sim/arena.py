@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ohmloom._arrays import FloatArray, frozen_array
-from ohmloom.errors import ParameterError
+from ohmloom.errors import ParameterError, UnknownNameError, expect_integer, expect_number, shown
 
 if TYPE_CHECKING:
     from ohmloom.sim._arena_kernels import World
@@ -18,6 +19,22 @@ if TYPE_CHECKING:
 SENSOR_POINTS = ((0.015, 0.027), (0.029, 0.007), (0.015, -0.027))
 SENSOR_BEARINGS = (math.radians(63.2), 0.0, math.radians(-68.5))
 Task = Literal["static", "dynamic"]
+MOST_TIMESTEPS = 1_000_000  # a recording of these takes 100 MB
+MOST_PIECES = 10_000
+SMALLEST, LARGEST = 1e-6, 1e6  # SI; between them nothing in the kernels overflows or divides by 0
+
+_Rule = tuple[str, Callable[[float], bool]]
+_POSITIVE: _Rule = (f"a finite number > 0, from {SMALLEST:g} to {LARGEST:g}", lambda v: SMALLEST <= v <= LARGEST)
+_NOT_NEGATIVE: _Rule = (f"a number from 0 to {LARGEST:g}", lambda v: 0.0 <= v <= LARGEST)
+_BOUNDED: _Rule = (f"a number from {-LARGEST:g} to {LARGEST:g}", lambda v: abs(v) <= LARGEST)
+_FRACTION: _Rule = ("a fraction in [0, 1)", lambda v: 0.0 <= v < 1.0)
+_RULES: dict[str, _Rule] = {
+    **dict.fromkeys(("half_width", "lamp_height", "light_saturation", "ir_range", "robot_radius", "axle", "speed",
+                     "timestep", "reverse_piece"), _POSITIVE),
+    **dict.fromkeys(("box_half_width", "lamp_power", "light_dark", "light_lit", "reverse_distance"), _NOT_NEGATIVE),
+    **dict.fromkeys(("lamp", "start_line", "goal"), _BOUNDED),
+    **dict.fromkeys(("slip", "ir_noise", "light_noise"), _FRACTION),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,25 +108,30 @@ class Arena:
         choices = {"task": ("static", "dynamic"), "slip_mode": ("stall", "uniform"),
                    "second_part_start": ("goal", "start")}  # fmt: skip
         for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise ParameterError(f"Arena.{name}: expected {' or '.join(map(repr, allowed))}, "
-                                     f"got {getattr(self, name)!r}. Use one of these.")  # fmt: skip
-        for name in (
-            "robot_radius",
-            "axle",
-            "speed",
-            "timestep",
-            "ir_range",
-            "light_saturation",
-            "reverse_piece",
-        ):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ParameterError(f"Arena.{name}: expected a finite number > 0, got {value}. Correct it.")
-        for name in ("slip", "ir_noise", "light_noise"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                value = getattr(self, name)
-                raise ParameterError(f"Arena.{name}: expected a fraction in [0, 1), got {value}. Correct it.")
+            if not isinstance(value, str) or value not in allowed:
+                raise ParameterError(f"Arena.{name}: expected {' or '.join(map(repr, allowed))}, "
+                                     f"got {shown(value)}. Use one of these.")  # fmt: skip
+        for name, (rule, is_kept) in _RULES.items():
+            self._take(name, rule, is_kept)
+        for name, low in (("bump_cost", 0), ("max_timesteps", 1)):
+            object.__setattr__(self, name, expect_integer(f"Arena.{name}", getattr(self, name), low, MOST_TIMESTEPS))
+        if not isinstance(self.shadow, bool):
+            raise ParameterError(f"Arena.shadow: expected True or False, got {shown(self.shadow)}. Use one of these.")
+        self._check_geometry()
+
+    def _take(self, name: str, rule: str, is_kept: Callable[[float], bool]) -> None:
+        """Check the number, or both of a pair, and keep it as a float."""
+        value = getattr(self, name)
+        is_pair = name == "lamp"
+        if is_pair and not (isinstance(value, tuple | list) and len(value) == 2):
+            raise ParameterError(f"Arena.{name}: expected {rule}, got {shown(value)}. Correct it.")
+        numbers = tuple(expect_number(f"Arena.{name}", v, rule) for v in (value if is_pair else (value,)))
+        if not all(is_kept(number) for number in numbers):
+            raise ParameterError(f"Arena.{name}: expected {rule}, got {shown(value)}. Correct it.")
+        object.__setattr__(self, name, numbers if is_pair else numbers[0])
+
+    def _check_geometry(self) -> None:
         gap = self.half_width - self.box_half_width
         if gap <= 2 * self.robot_radius:
             raise ParameterError(f"Arena.box_half_width: expected a gap to the wall wider than the robot, "
@@ -117,8 +139,21 @@ class Arena:
         if self.start_line <= 2 * (self.robot_radius - self.half_width):
             raise ParameterError(f"Arena.start_line: expected a line that leaves room to start, "
                                  f"got {self.start_line} m. Raise it.")  # fmt: skip
-        if self.max_timesteps < 1:
-            raise ParameterError(f"Arena.max_timesteps: expected at least 1, got {self.max_timesteps}. Raise it.")
+        if self.start_line > 0.0:
+            raise ParameterError(f"Arena.start_line: expected at most 0 m, so that every start lies inside the walls, "
+                                 f"got {self.start_line} m. Lower it.")  # fmt: skip
+        if self.light_dark <= self.light_lit:
+            raise ParameterError(f"Arena.light_dark: expected more than light_lit = {self.light_lit}, "
+                                 f"got {self.light_dark}. Raise it.")  # fmt: skip
+        if self.reverse_distance > MOST_PIECES * self.reverse_piece:
+            raise ParameterError(f"Arena.reverse_piece: expected at least reverse_distance / {MOST_PIECES}, "
+                                 f"got {self.reverse_piece} m. Raise it.")  # fmt: skip
+        if np.abs(self.sensor_points).max() > self.half_width:
+            raise ParameterError(f"Arena.sensor_points: expected points on the body, got one "
+                                 f"{np.abs(self.sensor_points).max()} m away. Give them in m.")  # fmt: skip
+        if np.abs(self.sensor_bearings).max() > 2 * math.pi:
+            raise ParameterError(f"Arena.sensor_bearings: expected -2 pi to 2 pi rad, "
+                                 f"got {np.abs(self.sensor_bearings).max()}. Give them in rad.")  # fmt: skip
 
     @classmethod
     def paper(cls, *, task: Task = "static") -> Arena:
@@ -127,6 +162,9 @@ class Arena:
 
     def replace(self, **changes: Any) -> Arena:
         """Copy with some constants changed."""
+        for name in changes:
+            if name not in self.__dataclass_fields__:
+                raise UnknownNameError.of("Arena.replace", name, self.__dataclass_fields__)
         return replace(self, **changes)
 
     def settings(self) -> dict[str, Any]:

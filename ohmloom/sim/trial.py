@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ohmloom import __version__
 from ohmloom._arrays import FloatArray, IntArray, frozen_array, read_arrays, write_arrays
-from ohmloom.errors import FileFormatError, ParameterError
+from ohmloom.errors import FileFormatError, ParameterError, expect_integer, expect_type, shown
 from ohmloom.sim.arena import Arena
 
 ACTIONS = ("forward", "left", "right")
@@ -25,6 +25,11 @@ class Controller(Protocol):
 
     def step(self, sensors: Any, /) -> str:
         """Sensors (6,) in, action out: ``forward``, ``left`` or ``right``."""
+
+
+@runtime_checkable
+class _Driver(Controller, Protocol):
+    """For the check: a class without these methods is none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -161,17 +166,19 @@ def run_trial(
     >>> trial.solved, trial.timesteps
     (False, 4000)
     """
+    expect_type("run_trial.controller", controller, _Driver, name="an object with reset() and step(sensors)")
+    expect_type("run_trial.arena", arena, Arena, type(None), name="an Arena or None")
+    expect_type("run_trial.rng", rng, np.random.Generator, type(None), name="a numpy Generator or None")
     if (rng is None) == (trial_key is None):
         raise ParameterError("run_trial: expected either rng or trial_key, got both or none. Pass one of them.")
-    if action_delay not in (0, 1):
-        raise ParameterError(f"run_trial.action_delay: expected 0 or 1, got {action_delay}. Use one of these.")
+    action_delay = expect_integer("run_trial.action_delay", action_delay, 0, 1)
+    if on_timestep is not None and not callable(on_timestep):
+        raise ParameterError(f"run_trial.on_timestep: expected a function of the timestep's index, "
+                             f"got {shown(on_timestep)}. Pass a function.")  # fmt: skip
     if trial_key is None:
         assert rng is not None
         trial_key = draw_trial_key(rng)
-    if not isinstance(trial_key, int | np.integer) or not 0 <= trial_key < 2**64:
-        raise ParameterError(
-            f"run_trial.trial_key: expected an integer, 0 <= key < 2**64, got {trial_key}. Use 64 bits."
-        )
+    trial_key = expect_integer("run_trial.trial_key", trial_key, 0, 2**64 - 1)
     arena = arena if arena is not None else Arena.paper()
     arguments = getattr(controller, "kernel_arguments", (None, None))
     if arguments[0] is not None and on_timestep is None:

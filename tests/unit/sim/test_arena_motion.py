@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
 
-from ohmloom.errors import ParameterError
+from ohmloom.errors import ParameterError, UnknownNameError
 from ohmloom.sim import Arena
 from ohmloom.sim._arena_kernels import FORWARD, LEFT, RIGHT, RobotState, begin, judge, move, touches
 
@@ -221,10 +222,11 @@ def test_arrays_of_an_arena_are_locked():
 @pytest.mark.parametrize(("changes", "message"), [
     ({"task": "statik"}, "Arena.task: expected 'static' or 'dynamic', got 'statik'. Use one of these."),
     ({"slip_mode": "slide"}, "Arena.slip_mode: expected 'stall' or 'uniform', got 'slide'. Use one of these."),
-    ({"speed": 0.0}, "Arena.speed: expected a finite number > 0, got 0.0. Correct it."),
-    ({"ir_range": float("nan")}, "Arena.ir_range: expected a finite number > 0, got nan. Correct it."),
+    ({"speed": 0.0}, "Arena.speed: expected a finite number > 0, from 1e-06 to 1e+06, got 0.0. Correct it."),
+    ({"ir_range": float("nan")},
+     "Arena.ir_range: expected a finite number > 0, from 1e-06 to 1e+06, got nan. Correct it."),
     ({"slip": 1.0}, "Arena.slip: expected a fraction in [0, 1), got 1.0. Correct it."),
-    ({"max_timesteps": 0}, "Arena.max_timesteps: expected at least 1, got 0. Raise it."),
+    ({"max_timesteps": 0}, "Arena.max_timesteps: expected an integer from 1 to 1000000, got 0. Correct it."),
     ({"start_line": -1.95}, "Arena.start_line: expected a line that leaves room to start, got -1.95 m. Raise it."),
     ({"sensor_bearings": [0.0, 1.0]},
      "Arena.sensor_bearings: expected axes (sensor=3), got shape (2,). Check sensor=3."),
@@ -235,6 +237,34 @@ def test_wrong_constants(changes, message):
     with pytest.raises(ParameterError) as caught:
         ARENA.replace(**changes)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("value", ["a", None, math.nan, math.inf, -1e300, 10**400, True])
+@pytest.mark.parametrize("name", sorted({*Arena.__dataclass_fields__} - {"shadow", "slip_mode", "second_part_start"}))
+def test_no_constant_takes_what_is_no_sensible_number(name, value):
+    with pytest.raises(ParameterError, match=rf"^Arena\.{name}: expected ") as caught:
+        ARENA.replace(**{name: value})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("changes", [
+    {"bump_cost": -1}, {"bump_cost": 1.0}, {"shadow": 1}, {"lamp": (1.0, math.nan)}, {"lamp": (1.0,)},
+    {"light_dark": 8.0}, {"reverse_piece": 1e-6}, {"start_line": 0.1}, {"sensor_bearings": [0, 0, 7]},
+    {"sensor_points": [[0, 0], [0, 0], [0, 27]]}, {"slip_mode": ["stall"]},
+])  # fmt: skip
+def test_constants_that_the_kernels_could_not_follow(changes):
+    with pytest.raises(ParameterError, match=rf"^Arena\.{next(iter(changes))}: expected "):
+        ARENA.replace(**changes)
+
+
+def test_numbers_of_other_types_become_plain_ones():
+    arena = ARENA.replace(half_width=1, bump_cost=np.int64(10), lamp=[1, 1])
+    assert json.dumps(arena.settings()) == json.dumps(ARENA.settings())
+
+
+def test_an_unknown_constant_offers_the_nearest():
+    with pytest.raises(UnknownNameError, match=r"^Arena\.replace: .*Did you mean 'goal'\?$"):
+        ARENA.replace(gaol=1.0)
 
 
 def test_a_box_that_leaves_no_room():

@@ -9,7 +9,8 @@ import pytest
 
 from ohmloom.errors import FileFormatError, MissingFileError, ParameterError
 from ohmloom.neurocontroller import Network, Readings, SpikingController
-from ohmloom.sim import Arena, Trial, run_trial
+from ohmloom.sim import Arena, Trial, _trial_kernels, run_trial
+from ohmloom.sim._arena_kernels import RobotState
 from ohmloom.sim.trial import draw_trial_key, trial_fitness
 
 ARRAYS = ("path", "st", "sensors", "actions", "output_spikes")
@@ -221,13 +222,44 @@ def test_an_answer_that_is_no_action(answer):
     ({}, "run_trial: expected either rng or trial_key, got both or none. Pass one of them."),
     ({"trial_key": 1, "rng": np.random.default_rng(1)},
      "run_trial: expected either rng or trial_key, got both or none. Pass one of them."),
-    ({"trial_key": 1, "action_delay": 2}, "run_trial.action_delay: expected 0 or 1, got 2. Use one of these."),
+    ({"trial_key": 1, "action_delay": 2},
+     "run_trial.action_delay: expected an integer from 0 to 1, got 2. Correct it."),
     ({"trial_key": 2**64},
-     f"run_trial.trial_key: expected an integer, 0 <= key < 2**64, got {2**64}. Use 64 bits."),
-    ({"trial_key": -1}, "run_trial.trial_key: expected an integer, 0 <= key < 2**64, got -1. Use 64 bits."),
-    ({"trial_key": 1.5}, "run_trial.trial_key: expected an integer, 0 <= key < 2**64, got 1.5. Use 64 bits."),
+     f"run_trial.trial_key: expected an integer from 0 to 18446744073709551615, got {2**64}. Correct it."),
+    ({"trial_key": -1},
+     "run_trial.trial_key: expected an integer from 0 to 18446744073709551615, got -1. Correct it."),
+    ({"trial_key": 1.5},
+     "run_trial.trial_key: expected an integer from 0 to 18446744073709551615, got 1.5. Correct it."),
 ])  # fmt: skip
 def test_wrong_arguments(arguments, message):
     with pytest.raises(ParameterError) as caught:
         run_trial(Driver(), **arguments)
     assert str(caught.value) == message
+
+
+def test_a_recording_never_goes_beyond_its_rows():
+    arena = Arena.paper().replace(max_timesteps=30)
+    wiring, state = SpikingController(Network.random(system="HP", rng=np.random.default_rng(1))).kernel_arguments
+    rows, spare = 11, 5  # fewer rows than timesteps, and what lies behind them in the same memory
+    path, seen = np.full((rows + spare, 3), 7.0), np.full((rows + spare, 6), 7.0)
+    st, acted = (np.full(rows + spare, 7, dtype=np.int64) for _ in range(2))
+    spikes = np.full((rows + spare, 2), 7, dtype=np.int64)
+    executed = _trial_kernels.run(
+        arena.world(), RobotState(np.zeros(3), np.zeros(5, dtype=np.int64), np.zeros(1)), np.uint64(1), wiring, state,
+        np.zeros(wiring.neurons, dtype=np.int64), np.zeros(6), 0, True, path[:rows], st[:rows], seen[:rows],
+        acted[:rows], spikes[:rows],
+    )  # fmt: skip
+    assert executed == rows - 1
+    for array in (path, seen, st, acted, spikes):
+        assert (array[rows:] == 7).all()
+
+
+@pytest.mark.parametrize(("field", "controller", "changes"), [
+    ("controller", None, {}), ("controller", "HET", {}), ("controller", object(), {}),
+    ("arena", Driver(), {"arena": 1}),
+    ("rng", Driver(), {"rng": 3, "trial_key": None}), ("trial_key", Driver(), {"trial_key": True}),
+    ("action_delay", Driver(), {"action_delay": True}), ("on_timestep", Driver(), {"on_timestep": 1}),
+])  # fmt: skip
+def test_objects_of_a_wrong_type(field, controller, changes):
+    with pytest.raises(ParameterError, match=rf"^run_trial\.{field}: expected .*, got "):
+        run_trial(controller, **({"trial_key": 1} | changes))
