@@ -3,8 +3,9 @@
 from ohmloom.neurocontroller.champions import champion
 from ohmloom.neurocontroller.controller import ACTIONS, SpikingController
 from ohmloom.neurocontroller.kinds import KINDS, LATTICES, SYSTEMS, Lattice
-from ohmloom.neurocontroller.network import Adaptation, Network, Synapse
+from ohmloom.neurocontroller.network import Adaptation, Network
 from ohmloom.neurocontroller.readings import Readings
+from ohmloom.neurocontroller.rules import Synapse
 from ohmloom.neurocontroller.variation import mutate
 
 __all__ = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 
-from ohmloom.errors import MissingFileError, UnknownNameError
+from ohmloom.errors import MissingFileError, UnknownNameError, expect_type
 from ohmloom.neurocontroller.kinds import SYSTEMS
 from ohmloom.neurocontroller.network import Network
 
@@ -22,6 +22,7 @@ def champion(system: str) -> Network:
     >>> champion("GA").system
     'GA'
     """
+    expect_type("champion", system, str)
     if system not in SYSTEMS:
         raise UnknownNameError.of("champion", system, SYSTEMS)
     file = resources.files("ohmloom.neurocontroller") / "champions" / f"{system}.net.json"

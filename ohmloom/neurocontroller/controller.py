@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom.errors import ParameterError
-from ohmloom.neurocontroller.network import INPUTS, Network
+from ohmloom.errors import ParameterError, expect_type, shown
+from ohmloom.neurocontroller.network import Network
+from ohmloom.neurocontroller.rules import INPUTS
 
 ACTIONS = ("forward", "left", "right")
 
@@ -49,12 +50,13 @@ class SpikingController:
         plasticity: Literal["charge"] = "charge",
         implementation: Literal["compiled", "plain"] = "compiled",
     ) -> None:
+        expect_type("SpikingController.network", network, Network)
         if plasticity != "charge":
-            raise ParameterError(f"SpikingController.plasticity: expected 'charge', got {plasticity!r}. "
+            raise ParameterError(f"SpikingController.plasticity: expected 'charge', got {shown(plasticity)}. "
                                  "Fixed-voltage plasticity is not in this version.")  # fmt: skip
-        if implementation not in ("compiled", "plain"):
+        if not isinstance(implementation, str) or implementation not in ("compiled", "plain"):
             raise ParameterError(f"SpikingController.implementation: expected 'compiled' or 'plain', "
-                                 f"got {implementation!r}. Use one of these.")  # fmt: skip
+                                 f"got {shown(implementation)}. Use one of these.")  # fmt: skip
         self.network = network
         self.implementation = implementation
         self._run = _Compiled(network) if implementation == "compiled" else _Plain(network)
@@ -126,10 +128,10 @@ def checked_sensors(where: str, sensors: Any) -> FloatArray:
     """Sensor values as an array, or an error that says which rule they break."""
     try:
         values = np.asarray(sensors, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.empty(0)
     if values.shape != (INPUTS,) or not ((values >= 0.0) & (values <= 1.0)).all():
-        raise ParameterError(f"{where}: expected 6 sensor values in [0, 1], got {sensors!r}. "
+        raise ParameterError(f"{where}: expected 6 sensor values in [0, 1], got {shown(sensors, 200)}. "
                              "Order: IR 0, 2, 5, light 0, 2, 5.")  # fmt: skip
     return values
 

@@ -7,32 +7,41 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
 from ohmloom import __version__
 from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, sha256, validate, write_atomic
-from ohmloom.errors import FileFormatError, ParameterError, UnknownNameError
-from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, KINDS, SYSTEMS
+from ohmloom.errors import (
+    FileFormatError,
+    ParameterError,
+    UnknownNameError,
+    expect_integer,
+    expect_number,
+    expect_type,
+)
+from ohmloom.neurocontroller.kinds import KINDS, SYSTEMS
 from ohmloom.neurocontroller.readings import Readings
+from ohmloom.neurocontroller.rules import (
+    INPUTS,
+    LONGEST_NAME,
+    MOST_HIDDEN,
+    OUTPUTS,
+    Polarity,
+    Synapse,
+    as_synapses,
+    check_name,
+    legal_pairs,
+    plain,
+    problems,
+)
 
-INPUTS, OUTPUTS = 6, 2  # IR 0, 2, 5, then light 0, 2, 5; left and right output
 INPUT_LABELS = ("IR 0", "IR 2", "IR 5", "light 0", "light 2", "light 5")
 INITIAL_HIDDEN = 9  # Section IV-A
 FORMAT, VERSION = "ohmloom.network", 1
 Kind = Literal["hp", "peo_pani", "linear", "constant"]
-Polarity = Literal["excitatory", "inhibitory"]
-
-
-class Synapse(NamedTuple):
-    """One enabled synapse; neurons are inputs 0..5, hidden 6..5+H, outputs 6+H and 7+H."""
-
-    pre: int
-    post: int
-    kind: str
-    weight: float
 
 
 class Adaptation(StrictModel):
@@ -81,9 +90,19 @@ class Network:
     hidden
         ``excitatory`` or ``inhibitory`` for each hidden neuron.
     synapses
-        The enabled synapses, sorted by postsynaptic, then presynaptic neuron.
-    readings, adaptation, provenance, name
-        Settings of the controller, self-adaptive rates, where the network came from, how to call it.
+        The enabled synapses, in any order, which all results keep; births and mutations give them sorted by
+        postsynaptic, then presynaptic neuron.
+    readings, adaptation
+        Settings of the controller, self-adaptive rates.
+    provenance
+        Where the network came from: plain values, finite numbers only.
+    name
+        How to call it: at most 100 printable characters.
+
+    Raises
+    ------
+    ParameterError
+        If a field is of a wrong type or breaks a rule; names every synapse that does.
     """
 
     system: str
@@ -93,6 +112,23 @@ class Network:
     adaptation: Adaptation = field(default_factory=Adaptation)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "network"
+
+    def __post_init__(self) -> None:
+        synapses = as_synapses(self.synapses)
+        if synapses is not self.synapses:
+            object.__setattr__(self, "synapses", synapses)
+        if type(self.hidden) is not tuple:
+            expect_type("Network.hidden", self.hidden, list, tuple)
+            object.__setattr__(self, "hidden", tuple(self.hidden))
+        expect_type("Network.readings", self.readings, Readings)
+        expect_type("Network.adaptation", self.adaptation, Adaptation)
+        expect_type("Network.provenance", self.provenance, Mapping)
+        if self.provenance:
+            object.__setattr__(self, "provenance", plain("Network.provenance", self.provenance))
+        check_name("Network.name", self.name)
+        broken = problems("Network", self.system, self.hidden, self.synapses, self.readings)
+        if broken:
+            raise ParameterError(*broken)
 
     @property
     def neurons(self) -> int:
@@ -134,9 +170,10 @@ class Network:
 
     def replace(self, **changes: Any) -> Network:
         """Copy with some fields changed; the new network is checked."""
-        changed = replace(self, **changes)
-        _check(changed, "Network")
-        return changed
+        for name in changes:
+            if name not in self.__dataclass_fields__:
+                raise UnknownNameError.of("Network.replace", name, self.__dataclass_fields__)
+        return replace(self, **changes)
 
     @classmethod
     def random(
@@ -155,23 +192,23 @@ class Network:
         UnknownNameError
             If `system` is not one of HP, PEO, LIN, GA, HET.
         ParameterError
-            If `hidden` is less than 1 or `enable_probability` is not in [0, 1].
+            If `rng` is no Generator, `hidden` not from 1 to 1000, or `enable_probability` not in [0, 1].
         """
         from ohmloom.neurocontroller.variation import random_network
 
+        where = "Network.random"
+        expect_type(f"{where}.system", system, str)
         if system not in SYSTEMS:
-            raise UnknownNameError.of("Network.random.system", system, SYSTEMS)
-        if hidden < 1:
-            raise ParameterError(f"Network.random.hidden: expected at least 1, got {hidden}. Raise it.")
-        if not 0.0 <= enable_probability <= 1.0:
-            raise ParameterError(f"Network.random.enable_probability: expected a number in [0, 1], "
-                                 f"got {enable_probability}. Correct it.")  # fmt: skip
+            raise UnknownNameError.of(f"{where}.system", system, SYSTEMS)
+        expect_type(f"{where}.rng", rng, np.random.Generator)
+        expect_type(f"{where}.readings", readings, Readings, type(None), name="Readings or None")
+        hidden = expect_integer(f"{where}.hidden", hidden, 1, MOST_HIDDEN)
+        probability = expect_number(f"{where}.enable_probability", enable_probability, "a number in [0, 1]")
+        if not 0.0 <= probability <= 1.0:
+            raise ParameterError(f"{where}.enable_probability: expected a number in [0, 1], "
+                                 f"got {probability}. Correct it.")  # fmt: skip
         return random_network(
-            system,
-            rng=rng,
-            hidden=hidden,
-            enable_probability=enable_probability,
-            readings=readings or Readings(),
+            system, rng=rng, hidden=hidden, enable_probability=probability, readings=readings or Readings()
         )
 
     @classmethod
@@ -186,24 +223,29 @@ class Network:
             If it is not a network of this version, or breaks a rule; names every field that does.
         """
         data = read_bytes(path, "network")
-        return cls.from_json(data, str(path), name=Path(path).name.removesuffix(".json").removesuffix(".net"))
+        name = Path(path).name.removesuffix(".json").removesuffix(".net")
+        name = "".join(c if c.isprintable() else "?" for c in name)[:LONGEST_NAME]
+        return cls.from_json(data, str(path), name=name)
 
     @classmethod
     def from_json(cls, data: bytes, where: str, *, name: str = "network") -> Network:
         """Parse the text of a network file; `where` names it in errors."""
         table = check_format(parse_json(data, where), where, FORMAT, VERSION)
         parsed = validate(_NetworkFile, table, where)
-        network = cls(
-            system=parsed.system,
-            hidden=tuple(parsed.hidden),
-            synapses=tuple(Synapse(s.pre, s.post, s.kind, s.weight) for s in parsed.synapses),
-            readings=parsed.readings,
-            adaptation=parsed.adaptation,
-            provenance=parsed.provenance,
-            name=parsed.name or name,
-        )
-        _check(network, where)
-        return network
+        hidden = tuple(parsed.hidden)
+        synapses = tuple(Synapse(s.pre, s.post, s.kind, s.weight) for s in parsed.synapses)
+        broken = problems(where, parsed.system, hidden, synapses, parsed.readings)
+        try:
+            provenance = plain(f"{where}: provenance", parsed.provenance)
+            check_name(f"{where}: name", parsed.name or name)
+        except ParameterError as error:
+            broken += error.problems
+        if broken:
+            raise FileFormatError(*broken)
+        return cls(
+            system=parsed.system, hidden=hidden, synapses=synapses, readings=parsed.readings,
+            adaptation=parsed.adaptation, provenance=provenance, name=parsed.name or name,
+        )  # fmt: skip
 
     def to_json(self) -> str:
         """The text of the network's file: complete readings, one synapse a line."""
@@ -224,7 +266,8 @@ class Network:
         # A newline and one space stand only before the table's own keys, so no value is mistaken for this.
         entry = '\n "synapses": '
         listed = f"[\n  {rows}\n ]" if rows else "[]"
-        return json.dumps(table, indent=1).replace(f'{entry}"@"', entry + listed) + "\n"
+        text = json.dumps(table, indent=1, allow_nan=False)
+        return text.replace(f'{entry}"@"', entry + listed) + "\n"
 
     def save(self, path: Path | str) -> None:
         """Write the network's file, whole or not at all."""
@@ -242,72 +285,3 @@ class Network:
         rows = {"system": self.system, "hidden": len(self.hidden), "synapses": len(self.synapses), **kinds}
         cells = "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows.items())
         return f"<table><caption>{escape(self.name)}</caption>{cells}</table>"
-
-
-def legal_pairs(hidden: int, lateral: str) -> tuple[tuple[int, int], ...]:
-    """Legal (pre, post) pairs, sorted by post, then pre.
-
-    >>> len(legal_pairs(9, "descending")), len(legal_pairs(9, "both"))
-    (108, 144)
-    """
-    first_output = INPUTS + hidden
-    pairs = []
-    for post in range(INPUTS, first_output + OUTPUTS):
-        for pre in range(first_output):
-            if _why_illegal(pre, post, hidden, lateral) is None:
-                pairs.append((pre, post))
-    return tuple(pairs)
-
-
-def _why_illegal(pre: int, post: int, hidden: int, lateral: str) -> str | None:
-    """The rule that a synapse breaks, or None."""
-    first_output, neurons = INPUTS + hidden, INPUTS + hidden + OUTPUTS
-    if not (0 <= pre < neurons and 0 <= post < neurons):
-        return f"neurons 0 to {neurons - 1}"
-    if post < INPUTS:
-        return "a hidden neuron or an output as postsynaptic neuron"
-    if pre >= first_output:
-        return "an input or a hidden neuron as presynaptic neuron"
-    if pre < INPUTS and post >= first_output:
-        return "no synapse from an input to an output"
-    if pre == post:
-        return "no synapse from a neuron to itself"
-    if pre >= INPUTS and post < first_output:
-        if lateral == "descending" and pre < post:
-            return "lateral synapses from a higher to a lower index (readings.lateral = 'descending')"
-        if lateral == "ascending" and pre > post:
-            return "lateral synapses from a lower to a higher index (readings.lateral = 'ascending')"
-    return None
-
-
-def _check(network: Network, where: str) -> None:
-    if network.system not in SYSTEMS:
-        raise UnknownNameError.of(f"{where}.system", network.system, SYSTEMS)
-    problems = []
-    if not network.hidden or not {*network.hidden} <= {*get_args(Polarity)}:
-        problems.append(f"{where}.hidden: expected 'excitatory' or 'inhibitory' for at least one neuron, "
-                        f"got {network.hidden}. Correct it.")  # fmt: skip
-    seen: dict[tuple[int, int], int] = {}
-    allowed = SYSTEMS[network.system]
-    for k, synapse in enumerate(network.synapses):
-        field_name = f"{where}: synapses[{k}]"
-        rule = _why_illegal(synapse.pre, synapse.post, len(network.hidden), network.readings.lateral)
-        if rule is not None:
-            problems.append(f"{field_name}: expected {rule}, got {synapse.pre} -> {synapse.post}. Remove it.")
-        if (synapse.pre, synapse.post) in seen:
-            first = seen[synapse.pre, synapse.post]
-            pair = f"{synapse.pre} -> {synapse.post}"
-            problems.append(f"{field_name}: expected each pair of neurons once, got {pair}, "
-                            f"which synapses[{first}] is too. Remove one.")  # fmt: skip
-        seen[synapse.pre, synapse.post] = k
-        if synapse.kind not in allowed:
-            rule = f"{' or '.join(allowed)} in a {network.system} network"
-            problems.append(f"{field_name}.kind: expected {rule}, got {synapse.kind!r}. "
-                            "Change the kind or the system.")  # fmt: skip
-        elif synapse.kind != "constant" and synapse.weight != INITIAL_WEIGHT:
-            problems.append(f"{field_name}.weight: expected {INITIAL_WEIGHT} for a plastic synapse, "
-                            f"got {synapse.weight}. Set it to {INITIAL_WEIGHT}.")  # fmt: skip
-        elif not 0.0 <= synapse.weight <= 1.0:
-            problems.append(f"{field_name}.weight: expected a number in [0, 1], got {synapse.weight}. Correct it.")
-    if problems:
-        raise FileFormatError(*problems)

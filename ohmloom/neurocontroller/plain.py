@@ -6,8 +6,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from ohmloom.neurocontroller.kinds import LATTICES
-from ohmloom.neurocontroller.network import INPUTS, Network
+from ohmloom.neurocontroller.network import Network
 from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP, Readings
+from ohmloom.neurocontroller.rules import INPUTS
 
 FORWARD, LEFT, RIGHT = 0, 1, 2
 

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
+from ohmloom.errors import expect_type
 from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, SYSTEMS
-from ohmloom.neurocontroller.network import INPUTS, Adaptation, Network, Synapse, legal_pairs
+from ohmloom.neurocontroller.network import Adaptation, Network
 from ohmloom.neurocontroller.readings import Readings
+from ohmloom.neurocontroller.rules import INPUTS, Synapse, legal_pairs
 
 RATE_FLOOR = 1e-4  # eq. 13 with 0 < rate <= 1: a rate that reached 0 could never recover
 INITIAL_RANGES = {"mu": 0.25, "psi": 0.5, "omega": 1.0, "tau": 0.25}  # Sections VI-A, VII-A, VII-B
@@ -32,6 +34,8 @@ def random_network(
 
 def mutate(parent: Network, *, rng: np.random.Generator) -> Network:
     """One mutated offspring of `parent`; the parent is not changed (eq. 13 is taken by the child only)."""
+    expect_type("mutate.parent", parent, Network)
+    expect_type("mutate.rng", rng, np.random.Generator)
     system, readings = parent.system, parent.readings
     rates = {}
     for name in INITIAL_RANGES:

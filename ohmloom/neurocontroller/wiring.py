@@ -9,7 +9,8 @@ import numpy as np
 
 from ohmloom.neurocontroller import _kernels
 from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS, charge_levels
-from ohmloom.neurocontroller.network import INPUTS, OUTPUTS, Network
+from ohmloom.neurocontroller.network import Network
+from ohmloom.neurocontroller.rules import INPUTS, OUTPUTS
 
 MASK_LIMIT = 62  # neurons that fit the bits of a signed 64-bit integer
 NOT_PLASTIC = len(PLASTIC_KINDS)

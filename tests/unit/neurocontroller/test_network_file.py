@@ -8,8 +8,15 @@ import json
 import numpy as np
 import pytest
 
-from ohmloom.errors import FileFormatError, MissingFileError, OhmloomError, OperationError, UnknownNameError
-from ohmloom.neurocontroller import Adaptation, Network, Readings, Synapse
+from ohmloom.errors import (
+    FileFormatError,
+    MissingFileError,
+    OhmloomError,
+    OperationError,
+    ParameterError,
+    UnknownNameError,
+)  # fmt: skip
+from ohmloom.neurocontroller import Adaptation, Network, Readings, SpikingController, Synapse, mutate
 
 # Neurons: inputs 0..5, hidden 6..8, outputs 9 and 10.
 GOOD = {
@@ -115,7 +122,9 @@ def test_a_network_without_synapses(tmp_path):
 
 @pytest.mark.parametrize("text", ["@", '"synapses": "@"', '\n "synapses": "@"'])
 def test_no_name_or_provenance_is_taken_for_the_synapses(tmp_path, text):
-    network = Network.load(write(tmp_path, GOOD)).replace(name=text, provenance={"ohmloom": "x", "synapses": text})
+    network = Network.load(write(tmp_path, GOOD)).replace(provenance={"ohmloom": "x", "synapses": text})
+    if text.isprintable():
+        network = network.replace(name=text)
     network.save(tmp_path / "odd.net.json")
     assert Network.load(tmp_path / "odd.net.json") == network
 
@@ -303,11 +312,84 @@ def test_all_problems_come_in_one_error(tmp_path):
 
 def test_replacing_fields_is_checked(tmp_path):
     network = Network.load(write(tmp_path, GOOD))
-    with pytest.raises(FileFormatError, match=r"Network: synapses\[0\]: expected no synapse from a neuron to itself"):
+    with pytest.raises(ParameterError, match=r"Network\.synapses\[0\]: expected no synapse from a neuron to itself"):
         network.replace(synapses=(Synapse(6, 6, "hp", 0.5),))
-    with pytest.raises(FileFormatError, match=r"Network\.hidden: expected 'excitatory' or 'inhibitory'"):
+    with pytest.raises(ParameterError, match=r"Network\.hidden: expected 'excitatory' or 'inhibitory'"):
         network.replace(hidden=(), synapses=())
-    with pytest.raises(FileFormatError, match=r"expected a number in \[0, 1\], got 1\.5"):
+    with pytest.raises(ParameterError, match=r"expected a number in \[0, 1\], got 1\.5"):
         network.replace(system="GA", synapses=(Synapse(0, 6, "constant", 1.5),))
     with pytest.raises(UnknownNameError, match=r"Network\.system: .* got 'HEP'\. Did you mean 'HP'\?"):
         network.replace(system="HEP")
+    with pytest.raises(UnknownNameError, match=r"^Network\.replace: .* got 'hiden'\. Did you mean 'hidden'\?"):
+        network.replace(hiden=())
+
+
+def made(**changes):
+    return Network(**({"system": "HP", "hidden": ("excitatory",), "synapses": (Synapse(0, 6, "hp", 0.5),)} | changes))
+
+
+@pytest.mark.parametrize(("field", "value"), [
+    ("synapses", (Synapse(0, 99, "hp", 0.5),)), ("synapses", (Synapse(0.0, 6, "hp", 0.5),)),
+    ("synapses", (Synapse(True, 6, "hp", 0.5),)), ("synapses", (Synapse("0", 6, "hp", 0.5),)),
+    ("synapses", (Synapse(0, 6, None, 0.5),)), ("synapses", (Synapse(0, 6, "hp", "a"),)),
+    ("synapses", (Synapse(0, 6, "hp", np.nan),)), ("synapses", ((0, 6, "hp"),)), ("synapses", (3,)),
+    ("synapses", 3), ("synapses", None), ("synapses", "0"), ("hidden", None), ("hidden", "+"), ("hidden", (1,)),
+    ("hidden", ([],)), ("hidden", ("excitatory",) * 1001), ("system", None), ("system", ["HP"]), ("readings", {}),
+    ("adaptation", None), ("provenance", None), ("provenance", {"a": np.nan}), ("provenance", {"a": [1e999]}),
+    ("provenance", {1: 2}), ("provenance", {"a": object()}), ("provenance", {"a": 10**5000}), ("name", None),
+    ("name", "a\nb"), ("name", "\ud800"), ("name", "x" * 101), ("name", "a\x00"),
+])  # fmt: skip
+def test_a_network_made_in_python_is_checked(field, value):
+    with pytest.raises(ParameterError, match=rf"^Network\.{field}.*: expected .*, got ") as caught:
+        made(**{field: value})
+    assert "\n" not in str(caught.value)
+
+
+def test_lists_and_scalars_of_numpy_become_plain():
+    network = made(hidden=["excitatory"], synapses=[[np.int64(0), np.uint8(6), "hp", np.float64(0.5)]],
+                   provenance={"seed": np.int64(3), "all": (np.float32(0.5), True)})  # fmt: skip
+    assert network == made(provenance={"seed": 3, "all": [0.5, True]})
+    assert type(network.synapses[0].pre) is int
+    assert type(network.synapses[0].weight) is float
+    assert json.loads(network.to_json())["provenance"]["seed"] == 3
+
+
+def test_provenance_is_a_copy():
+    notes = {"runs": [1]}
+    network = made(provenance=notes)
+    notes["runs"].append(2)
+    assert network.provenance == {"runs": [1]}
+
+
+def test_files_with_a_name_or_provenance_that_cannot_be_kept(tmp_path):
+    assert refusal(tmp_path, GOOD | {"name": "a\nb"}).startswith("FILE: name: expected at most 100 printable")
+    text = json.dumps(GOOD).replace('"generation": 40', '"generation": 1e999')
+    assert refusal(tmp_path, text).startswith("FILE: provenance: expected a finite number, got inf.")
+    assert refusal(tmp_path, GOOD | {"hidden": ["excitatory"] * 1001}).startswith("FILE: hidden: expected ")
+
+
+def test_an_odd_file_name_gives_a_plain_name(tmp_path):
+    assert Network.load(write(tmp_path, GOOD, "a\nb" + "x" * 150 + ".net.json")).name == "a?b" + "x" * 97
+
+
+@pytest.mark.parametrize(("name", "value"), [
+    ("rng", None), ("rng", 3), ("hidden", 2.5), ("hidden", "9"), ("hidden", True), ("hidden", 1001),
+    ("enable_probability", "a"), ("enable_probability", None), ("enable_probability", np.nan), ("readings", {}),
+    ("system", None),
+])  # fmt: skip
+def test_random_networks_refuse_wrong_types(name, value):
+    with pytest.raises(ParameterError, match=rf"^Network\.random\.{name}: expected .*, got "):
+        Network.random(**({"system": "HP", "rng": np.random.default_rng(1)} | {name: value}))
+
+
+@pytest.mark.parametrize("path", [None, 5, b"x"])
+def test_what_is_no_path(path):
+    with pytest.raises(ParameterError, match=r"^network file: expected a path, got "):
+        Network.load(path)
+
+
+def test_controllers_and_mutations_want_networks():
+    for where, call in (("SpikingController.network", SpikingController),
+                        ("mutate.parent", lambda n: mutate(n, rng=np.random.default_rng(1)))):  # fmt: skip
+        with pytest.raises(ParameterError, match=rf"^{where}: expected Network, got 'HP'\."):
+            call("HP")

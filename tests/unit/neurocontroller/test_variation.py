@@ -77,7 +77,7 @@ def test_enable_probability(probability, synapses):
 def test_birth_refuses():
     with pytest.raises(UnknownNameError, match=r"^Network\.random\.system: .* got 'HEX'\. Did you mean 'HET'\?"):
         born("HEX")
-    with pytest.raises(ParameterError, match=r"^Network\.random\.hidden: expected at least 1, got 0"):
+    with pytest.raises(ParameterError, match=r"^Network\.random\.hidden: expected an integer from 1 to 1000, got 0"):
         born("HP", hidden=0)
     with pytest.raises(ParameterError, match=r"^Network\.random\.enable_probability: .* got 1\.5"):
         born("HP", enable_probability=1.5)
