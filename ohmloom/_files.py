@@ -28,7 +28,7 @@ M = TypeVar("M", bound=pydantic.BaseModel)
 TEXT_LIMIT = 16_000_000  # bytes; ours are far smaller
 DEPTH_LIMIT = 64  # levels of nesting; ours have five
 # tomllib takes a time that grows with the cube of a dotted key's length, so long ones are refused unread.
-_LONG_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){64}""")
+_LONG_KEY = re.compile(r"""(?m)(?:^|[\[{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){64}""")
 
 
 class StrictModel(pydantic.BaseModel):
@@ -248,7 +248,7 @@ def _problem(where: str, item: Any, model: type[pydantic.BaseModel], joint: str)
     message = item["msg"].removeprefix("Value error, ")
     if item["type"] == "value_error" and ": expected" in message:
         return f"{where}{joint}{message}"
-    rule = message.removeprefix("Input should be ")
+    rule = "a table" if item["type"] == "model_type" else message.removeprefix("Input should be ")
     return f"{head}: expected {rule}, got {shown(item['input'])}. Correct it."
 
 

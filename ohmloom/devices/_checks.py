@@ -9,16 +9,19 @@ from typing import Any
 import numpy as np
 
 from ohmloom._arrays import FloatArray, frozen_array
-from ohmloom.errors import ParameterError
+from ohmloom.errors import ParameterError, expect_number, shown
+
+LARGEST_TIME = 1e12  # s
+LARGEST_VOLTAGE = 1e6  # V
 
 
 def finite(where: str, values: Any, unit: str) -> FloatArray:
     """`values` as a float64 array of any shape."""
     try:
         array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         rule = f"numbers in {unit}" if unit else "numbers"
-        raise ParameterError(f"{where}: expected {rule}, got {values!r}. Pass floats.") from error
+        raise ParameterError(f"{where}: expected {rule}, got {shown(values)}. Pass floats.") from error
     if not np.isfinite(array).all():
         raise ParameterError(f"{where}: expected finite numbers, got NaN or infinity. Check the input.")
     return array
@@ -30,24 +33,30 @@ def series(where: str, values: Any, unit: str) -> FloatArray:
     return array
 
 
-def check_number(where: str, value: Any) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise ParameterError(f"{where}: expected a number in SI units, got {value!r}. Pass a float.")
-    if not math.isfinite(value):
-        raise ParameterError(f"{where}: expected a finite number, got {float(value)}. Check where it comes from.")
+def check_size(where: str, values: FloatArray, limit: float, unit: str) -> None:
+    """Refuse what would overflow in the integrator."""
+    size = float(np.abs(values).max(initial=0.0))
+    if size > limit:
+        raise ParameterError(f"{where}: expected at most {limit:g} {unit} in size, got {size:g} {unit}. "
+                             "Check the unit.")  # fmt: skip
+
+
+def check_number(where: str, value: Any) -> float:
+    return expect_number(where, value, "a finite number in SI units")
 
 
 def checked_function(where: str, voltage: Callable[[float], Any], t: FloatArray) -> Callable[[float], float]:
     def drive(time: float) -> float:
         try:
             v = float(voltage(time))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ParameterError(
                 f"{where}: expected a function from a time in s to one voltage in V, got {error}. "
                 "Return a float for a float."
             ) from error
         if not math.isfinite(v):
             raise ParameterError(f"{where}: expected finite volts, got {v} at t = {time:.6g} s. Check the function.")
+        check_size(where, np.array(v), LARGEST_VOLTAGE, "V")
         return v
 
     drive(float(t[0]))

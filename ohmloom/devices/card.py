@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +17,7 @@ import pydantic
 from ohmloom._files import StrictModel, check_format, parse_toml, read_bytes, validate
 from ohmloom.devices.laws import LAWS, Law
 from ohmloom.devices.laws._law import problems
-from ohmloom.errors import FileFormatError, MissingFileError, UnknownNameError
+from ohmloom.errors import FileFormatError, MissingFileError, UnknownNameError, expect_type
 
 FORMAT = "ohmloom.device"
 VERSION = 1
@@ -56,11 +57,12 @@ def read_card(name_or_path: str | Path) -> Card:
     FileFormatError
         If the file breaks a rule; every problem is named with file, field and value.
     """
+    expect_type("Device.load", name_or_path, str, os.PathLike, name="a card's name or path")
     text = str(name_or_path)
     if text in shipped_names():
         return parse_card(_folder().joinpath(f"{text}.toml").read_bytes(), f"{text}.toml")
     path = Path(name_or_path)
-    if isinstance(name_or_path, str) and path.name == text and path.suffix != ".toml" and not path.exists():
+    if isinstance(name_or_path, str) and path.name == text and path.suffix != ".toml" and not os.path.exists(path):
         unknown = UnknownNameError.of("Device.load", text, shipped_names())
         raise MissingFileError(f"{unknown} A card file is given by its path, ending in .toml.")
     return parse_card(read_bytes(path, "device card"), str(path))

@@ -14,7 +14,16 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom._files import sha256, write_atomic
-from ohmloom.devices._checks import check_number, checked_function, finite, like_input, series
+from ohmloom.devices._checks import (
+    LARGEST_TIME,
+    LARGEST_VOLTAGE,
+    check_number,
+    check_size,
+    checked_function,
+    finite,
+    like_input,
+    series,
+)
 from ohmloom.devices.card import Card, CardValue, read_card, shipped_names, write_card
 from ohmloom.devices.laws import LAWS
 from ohmloom.devices.laws._law import problems
@@ -114,8 +123,8 @@ class Device:
         for name, value in parameters.items():
             if name not in values:
                 raise UnknownNameError.of(f"{self.name}.replace", name, names)
-            check_number(f"{self.name}.{name}", value)
-            values[name] = CardValue(value=float(value), source="set by the caller of Device.replace")
+            number = check_number(f"{self.name}.{name}", value)
+            values[name] = CardValue(value=number, source="set by the caller of Device.replace")
         return replace(self, values=tuple(values.values()))
 
     @property
@@ -221,6 +230,7 @@ class Device:
                 f"got {times.size} with smallest step {np.diff(times).min(initial=math.inf):.6g} s. "
                 "Sort them and drop repeats."
             )
+        check_size(f"{self.name}.simulate: t", times, LARGEST_TIME, "s")
         start = float(self._state("s0", s0, ndim=0))
         drive = self._drive(voltage, times)
         s = integrate(LAWS[self.law], self._p, drive, times, start)
@@ -267,6 +277,7 @@ class Device:
         if callable(voltage):
             return checked_function(f"{self.name}.simulate: voltage", voltage, t)
         v = series(f"{self.name}.simulate: voltage", voltage, "V")
+        check_size(f"{self.name}.simulate: voltage", v, LARGEST_VOLTAGE, "V")
         if v.shape != t.shape:
             raise ParameterError(
                 f"{self.name}.simulate: voltage: expected axes (time,) as long as t, {t.size}, got {v.size}. "

@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom.devices.laws import Law
-from ohmloom.errors import OperationError
+from ohmloom.errors import OhmloomError, OperationError
 
 # Tolerances of the adaptive integrator, on s: well under 1e-9 of an event-sized change over a whole sweep.
 RTOL = 1e-10
@@ -38,9 +38,23 @@ def integrate(law: Law, p: tuple[float, ...], drive: Callable[[float], float], t
     states = np.empty(len(t))
     states[0] = s = s0
     for k in range(len(t) - 1):
-        s = _cross_gap(rate, float(t[k]), float(t[k + 1]), s, law.name)
+        start, end = float(t[k]), float(t[k + 1])
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                s = _cross_gap(rate, start, end, s, law.name)
+        except OhmloomError:
+            raise
+        except (RuntimeError, ArithmeticError, ValueError) as error:
+            raise _failure(law.name, start, end, str(error)) from error
         states[k + 1] = s
     return states
+
+
+def _failure(name: str, start: float, end: float, got: str) -> OperationError:
+    return OperationError(
+        f"Device.simulate: expected {name} to be integrated from t = {start:.6g} s to {end:.6g} s, "
+        f"got {got.rstrip('.')}. Give t finer steps, or lower the voltage."
+    )
 
 
 def _cross_gap(rate: Callable[[float, float], float], start: float, end: float, s: float, name: str) -> float:
@@ -96,10 +110,7 @@ def _between_walls(
         events=(far, near),
     )
     if solution.status < 0:
-        raise OperationError(
-            f"Device.simulate: expected {name} to be integrated from t = {start:.6g} s to {end:.6g} s, "
-            f"got {solution.message.rstrip('.')}. Give t finer steps, or lower the voltage."
-        )
+        raise _failure(name, start, end, solution.message)
     if solution.status == 1:
         arrival, wall = float(solution.t[-1]), 1.0 - origin if len(solution.t_events[0]) else origin
         # No time passed: the drive is too weak to move the state off its wall by even the smallest float.

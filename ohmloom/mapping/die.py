@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ohmloom._arrays import FloatArray, frozen_array
+from ohmloom.errors import expect_integer, expect_type
 from ohmloom.mapping.plan import Plan
 
 # One stream an effect, so that a new effect leaves the draws of the others as they are.
@@ -39,6 +40,7 @@ class Die:
     threshold: FloatArray
 
     def __post_init__(self) -> None:
+        expect_type("Die.plan", self.plan, Plan)
         for name in ("state", "event_charge", "threshold"):
             object.__setattr__(self, name, frozen_array(f"Die.{name}", getattr(self, name), ("synapse",)))
 
@@ -60,8 +62,14 @@ def sample(plan: Plan, *, seed: int, die: int = 0) -> Die:
     plan
         What is placed where.
     seed, die
-        Any worker that knows both draws the same die.
+        Integers >= 0. Any worker that knows both draws the same die.
+
+    Raises
+    ------
+    ParameterError
+        If `seed` or `die` is no such integer.
     """
+    seed, die = expect_integer("Plan.sample.seed", seed), expect_integer("Plan.sample.die", die)
     spread, n = plan.hardware.spread, len(plan.crosspoints)
 
     def normal(effect: str) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom.errors import ParameterError
+from ohmloom.errors import ParameterError, expect_number, expect_type
 from ohmloom.mapping.die import Die
 from ohmloom.mapping.plan import reads_with_reference
 from ohmloom.neurocontroller.controller import ACTIONS, checked_sensors
@@ -67,7 +67,7 @@ class EmulatedController:
     Raises
     ------
     ParameterError
-        If `perturb` is not greater than -1.
+        If `die` is no Die, or `perturb` no number > -1.
 
     Examples
     --------
@@ -83,8 +83,11 @@ class EmulatedController:
     def __init__(self, die: Die, *, perturb: float = 0.0) -> None:
         from ohmloom.mapping import _kernels
 
-        if not perturb > -1.0:
-            raise ParameterError(f"EmulatedController.perturb: expected a number > -1, got {perturb}. Use 0.001 or so.")
+        expect_type("EmulatedController.die", die, Die)
+        perturb = expect_number("EmulatedController.perturb", perturb, "a number > -1, at most 1e6")
+        if not -1.0 < perturb <= 1e6:
+            raise ParameterError(f"EmulatedController.perturb: expected a number > -1, at most 1e6, got {perturb}. "
+                                 "Use 0.001 or so.")  # fmt: skip
         self.die = die
         self._kernels = _kernels
         self._fabric, self._order = _fabric(die, perturb)

@@ -9,15 +9,26 @@ from pathlib import Path
 from typing import Any
 
 from ohmloom import __version__
-from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
+from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, validate, write_atomic
 from ohmloom.devices import Device
-from ohmloom.errors import FileFormatError, MappingError
+from ohmloom.errors import FileFormatError, MappingError, expect_type
 from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.waveform import check_rule
 from ohmloom.neurocontroller import KINDS, Network
 
 FORMAT, VERSION = "ohmloom.plan", 1
 WEIGHT_TOLERANCE = 1e-9  # rounding of G_off/G_on against a weight of exactly that size
+
+
+class _PlanFile(StrictModel):
+    """The keys of a plan's file; what is in them must be what `place` gives again."""
+
+    ohmloom: str
+    hardware_sha256: str
+    tiles: list[Any]
+    crosspoints: list[Any]
+    network: dict[str, Any]
+    hardware: dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,11 +136,9 @@ class Plan:
         FileFormatError
             If the file is not a plan, or its tiles disagree with its network and hardware.
         """
-        where = str(path)
-        table = check_format(parse_json(read_bytes(path, "plan"), where), where, FORMAT, VERSION)
-        for key in ("network", "hardware", "tiles", "crosspoints", "hardware_sha256"):
-            if key not in table:
-                raise FileFormatError(f"{where}: {key}: expected a value, got nothing. Make the plan again.")
+        data, where = read_bytes(path, "plan"), str(path)
+        table = check_format(parse_json(data, where), where, FORMAT, VERSION)
+        validate(_PlanFile, table, where)
         network = Network.from_json(json.dumps(table["network"]).encode(), f"{where}: network")
         plan = place(network, Hardware._from_table(table["hardware"], f"{where}: hardware"))
         again = json.loads(plan.to_json())
@@ -157,7 +166,11 @@ def place(network: Network, hardware: Hardware) -> Plan:
     MappingError
         Names the kind without a card, the synapse that its device cannot hold, the tile that does not fit, or the
         reading that this hardware cannot follow.
+    ParameterError
+        If `network` or `hardware` is of another type.
     """
+    expect_type("place.network", network, Network)
+    expect_type("place.hardware", hardware, Hardware)
     _check_readings(network, hardware)
     _check_kinds(network, hardware)
     kinds = [kind for kind in KINDS if any(s.kind == kind for s in network.synapses)]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -15,11 +17,29 @@ import numpy as np
 from pydantic import Field
 
 from ohmloom import __version__
-from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, validate, write_atomic
-from ohmloom.errors import FileFormatError, Interrupted, ParameterError, SettingsConflictError
+from ohmloom._files import (
+    StrictModel,
+    advise,
+    check_format,
+    parse_json,
+    read_bytes,
+    remove_temporaries,
+    validate,
+    write_atomic,
+)
+from ohmloom.errors import (
+    FileFormatError,
+    Interrupted,
+    ParameterError,
+    SettingsConflictError,
+    expect_integer,
+    expect_type,
+    shown,
+)
 from ohmloom.neurocontroller import SYSTEMS, Readings
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.population import PopulationState
+from ohmloom.sim.run_files import REDO, check_checkpoint, last_row, read_outcome
 from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
 
 FORMAT, VERSION = "ohmloom.run", 1
@@ -138,16 +158,21 @@ def evolve(
     SettingsConflictError
         If the folder holds a run with other settings; names the first that differs.
     ParameterError
-        If `workers` is less than 1.
+        If a setting breaks a rule, `workers` is no integer >= 1, or an argument is of another type.
+    FileFormatError, MissingFileError
+        If a file of the run folder is damaged or gone; names it, and what to delete to redo its repeat.
     Interrupted
         After Ctrl-C; everything done so far is kept.
     OperationError
         If a worker dies or a file cannot be written.
     """
-    if workers < 1:
-        raise ParameterError(f"evolve.workers: expected at least 1, got {workers}. Use 1 or more.")
+    workers = expect_integer("evolve.workers", workers, 1)
+    expect_type("evolve.settings", settings, EvolutionSettings, Mapping, name="EvolutionSettings or a mapping")
+    expect_type("evolve.out", out, str, os.PathLike, name="a path")
+    if report is not None and not callable(report):
+        raise ParameterError(f"evolve.report: expected a function, got {shown(report)}. Pass a function.")
     if not isinstance(settings, EvolutionSettings):
-        settings = validate(EvolutionSettings, dict(settings), "evolve.settings")
+        settings = EvolutionSettings(**{str(name): value for name, value in settings.items()})
     folder = Path(out)
     _claim(folder, settings)
     todo = [k for k in range(settings.repeats) if not _network_path(folder, settings, k).exists()]
@@ -164,16 +189,31 @@ def _claim(folder: Path, settings: EvolutionSettings) -> None:
     path = folder / "run.json"
     wanted: dict[str, Any] = {"format": FORMAT, "version": VERSION, "ohmloom": __version__, "command": "evolve"}
     wanted |= {"settings": settings.model_dump(), "arena": settings.arena().settings()}
-    if path.exists():
+    if os.path.exists(path):
         found = parse_json(read_bytes(path, "run"), str(path))
+        check_format(found, str(path), FORMAT, VERSION)
+        _tidy(folder, settings)
         difference = _first_difference(found, json.loads(json.dumps(wanted)), "")
         if difference:
             raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the settings of that run.")
         return
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, "
-                                    "got one with other files. Use another --out.")  # fmt: skip
+    if os.path.exists(folder):
+        if not folder.is_dir():
+            raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, got a file. "
+                                        "Use another --out.")  # fmt: skip
+        leftover = re.compile(r"\.run\.json\.[a-z0-9_]{8}")  # of a write of run.json that was killed
+        if any(not leftover.fullmatch(entry.name) for entry in folder.iterdir()):
+            raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, "
+                                        "got one with other files. Use another --out.")  # fmt: skip
+        _tidy(folder, settings)
     write_atomic(path, json.dumps(wanted, indent=1) + "\n")
+
+
+def _tidy(folder: Path, settings: EvolutionSettings) -> None:
+    """Remove half-written files of a run that was killed."""
+    ours = re.compile(rf"(run\.json|summary\.csv|{settings.system}_\d+\.(net\.json|json|csv))")
+    for part in (folder, *(folder / name for name in ("networks", "populations", "tables"))):
+        remove_temporaries(part, lambda name: ours.fullmatch(name) is not None)
 
 
 def _first_difference(found: Any, wanted: Any, field: str) -> str | None:
@@ -205,15 +245,7 @@ def _run_repeat(settings: EvolutionSettings, folder: Path, repeat: int, stopped:
     population = PopulationState(settings.arena(), rng, starts=settings.starts, reevaluate=settings.reevaluate)
     rows: list[dict[str, float]] = []
     if checkpoint.exists():
-        saved = parse_json(read_bytes(checkpoint, "checkpoint"), str(checkpoint))
-        try:
-            population.restore(saved["population"], settings.system, settings.readings)
-            rows = saved["rows"]
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileFormatError(
-                f"{checkpoint}: expected a checkpoint of this run, got one without {error}. "
-                "Delete it to redo this repeat."
-            ) from error
+        rows = _resume(checkpoint, settings, population)
 
     def save() -> None:
         write_atomic(checkpoint, json.dumps({"rows": rows, "population": population.to_table()}))
@@ -239,6 +271,23 @@ def _run_repeat(settings: EvolutionSettings, folder: Path, repeat: int, stopped:
     _publish(settings, folder, repeat, population, rows)
     report(repeat, rows[-1])
     return True
+
+
+def _resume(checkpoint: Path, settings: EvolutionSettings, population: PopulationState) -> list[dict[str, float]]:
+    """Restore `population`; the rows observed so far."""
+    where = str(checkpoint)
+    try:
+        saved = parse_json(read_bytes(checkpoint, "checkpoint", limit=None), where)
+        check_checkpoint(saved, where, population=settings.population, generations=settings.generations,
+                         starts=settings.starts)  # fmt: skip
+    except FileFormatError as error:
+        raise FileFormatError(*advise(error.problems, REDO)) from error
+    try:
+        population.restore(saved["population"], settings.system, settings.readings)
+    except FileFormatError as error:
+        raise FileFormatError(*advise((f"{where}: {p}" for p in error.problems), REDO)) from error
+    rows: list[dict[str, float]] = saved["rows"]
+    return rows
 
 
 def _publish(
@@ -273,13 +322,11 @@ def _collect(folder: Path, settings: EvolutionSettings) -> Evolution:
     repeats, rows = [], []
     for k in range(settings.repeats):
         path = _network_path(folder, settings, k)
-        provenance = parse_json(read_bytes(path, "network"), str(path))["provenance"]
-        with (folder / "tables" / f"{_stem(settings, k)}.csv").open() as file:
-            last = list(csv.DictReader(file))[-1]
+        found = read_outcome(path)
+        last = last_row(folder / "tables" / f"{_stem(settings, k)}.csv", path)
         outcome = Repeat(
-            repeat=k, best_fitness=provenance["fitness"],
-            best_success=provenance["solved"] / provenance["trials"],
-            mean_fitness=float(last["mean_fitness"]), first_solved=provenance["first_solved"], network=path,
+            repeat=k, best_fitness=found.fitness, best_success=found.solved / found.trials,
+            mean_fitness=float(last["mean_fitness"]), first_solved=found.first_solved, network=path,
         )  # fmt: skip
         repeats.append(outcome)
         first = "" if outcome.first_solved is None else outcome.first_solved

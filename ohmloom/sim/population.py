@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from ohmloom._arrays import FloatArray
-from ohmloom.neurocontroller import Adaptation, Network, Readings, SpikingController, Synapse, mutate
+from ohmloom._files import validate
+from ohmloom.errors import FileFormatError, ParameterError
+from ohmloom.neurocontroller import Adaptation, Network, Readings, SpikingController, mutate
 from ohmloom.neurocontroller.variation import INITIAL_RANGES
 from ohmloom.sim.arena import Arena
+from ohmloom.sim.run_files import PopulationTable
 from ohmloom.sim.trial import draw_trial_key, trial_fitness
 
 OFFSPRING = 2  # Section VI
@@ -158,21 +161,37 @@ class PopulationState:
         }  # fmt: skip
 
     def restore(self, table: dict[str, Any], system: str, readings: Readings) -> None:
-        """Continue from what `to_table` gave."""
+        """Continue from what `to_table` gave.
+
+        Raises
+        ------
+        FileFormatError
+            If the table is not whole, or one of its networks breaks a rule; names the field.
+        """
+        # The table itself is taken, not its checked copy: numbers must keep their type to the last byte.
+        validate(PopulationTable, table, "population")
+        individuals = [
+            _individual(entry, f"population: individuals[{k}]", system, readings)
+            for k, entry in enumerate(table["individuals"])
+        ]
         self.generation, self.births = table["generation"], table["births"]
         self.first_solved = table["first_solved"]
         self.rng.bit_generator.state = table["generator"]
-        self.individuals = [
-            IndividualState(
-                network=Network(
-                    system=system,
-                    hidden=tuple("excitatory" if p == "+" else "inhibitory" for p in i["hidden"]),
-                    synapses=tuple(Synapse(*s) for s in i["synapses"]),
-                    readings=readings,
-                    adaptation=Adaptation(**i["adaptation"]),
-                ),
-                birth=i["birth"], trial_keys=i["trial_keys"], total=i["total"], solved=i["solved"],
-                trials=i["trials"],
-            )
-            for i in table["individuals"]
-        ]  # fmt: skip
+        self.individuals = individuals
+
+
+def _individual(entry: dict[str, Any], where: str, system: str, readings: Readings) -> IndividualState:
+    try:
+        network = Network(
+            system=system,
+            hidden=tuple("excitatory" if p == "+" else "inhibitory" for p in entry["hidden"]),
+            synapses=entry["synapses"],
+            readings=readings,
+            adaptation=Adaptation(**entry["adaptation"]),
+        )
+    except ParameterError as error:
+        raise FileFormatError(*(f"{where}.{p.removeprefix('Network.')}" for p in error.problems)) from error
+    return IndividualState(
+        network=network, birth=entry["birth"], trial_keys=entry["trial_keys"], total=entry["total"],
+        solved=entry["solved"], trials=entry["trials"],
+    )  # fmt: skip

@@ -45,6 +45,19 @@ def stop_on_interrupt() -> Iterator[Stopped]:
         signal.signal(signal.SIGINT, previous)
 
 
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back while processes start: they inherit this, and ours arrives afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def run_units(unit: Unit, items: Sequence[int], *, workers: int, stopped: Stopped, report: Report) -> None:
     """Run `unit` on every item, in a pool if there are several workers and items.
 
@@ -103,7 +116,8 @@ def _run_pool(unit: Unit, items: Sequence[int], workers: int, stopped: Stopped, 
     with ProcessPoolExecutor(
         min(workers, len(items)), context, initializer=_start_worker, initargs=(stop, reports, os.getpid())
     ) as pool:
-        futures = {pool.submit(_work, unit, item) for item in items}
+        with _interrupts_held():
+            futures = {pool.submit(_work, unit, item) for item in items}
         try:
             while futures:
                 done, futures = wait(futures, timeout=0.2, return_when=FIRST_COMPLETED)
@@ -117,7 +131,7 @@ def _run_pool(unit: Unit, items: Sequence[int], workers: int, stopped: Stopped, 
                     futures = {future for future in futures if not future.cancelled()}
         except BrokenProcessPool as error:
             if stopped():
-                return  # Ctrl-C reaches a worker too, and one that is still starting dies of it.
+                return  # The user gave up this run; where it resumes, it does not matter who died.
             raise OperationError("workers: expected all to live, got one that died. Run the same command again to "
                                  "resume.") from error  # fmt: skip
         finally:

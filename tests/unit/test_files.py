@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from ohmloom._files import StrictModel, check_format, parse_json, parse_toml, read_bytes, validate, write_atomic
-from ohmloom.errors import FileFormatError, MissingFileError, OperationError, UnknownNameError
+from ohmloom.errors import FileFormatError, MissingFileError, OperationError, ParameterError, UnknownNameError
 
 
 def test_a_file_is_replaced_whole(tmp_path):
@@ -76,6 +76,59 @@ def test_each_problem_names_its_field(table, message):
     with pytest.raises(FileFormatError) as caught:
         validate(Outer, table, "F")
     assert str(caught.value) == message
+
+
+def test_models_made_in_python_give_the_house_error():
+    for call, message in (
+        (lambda: Inner(length="a"), "Inner.length: expected a valid number, got 'a'. Correct it."),
+        (lambda: Outer(inner={"length": "a"}), "Outer.inner.length: expected a valid number, got 'a'. Correct it."),
+        (lambda: Outer(inner=Inner(length=1.0), partz=1),
+         "Outer.partz: expected no such key, got 1. Did you mean 'parts'?"),
+        (lambda: Outer(), "Outer.inner: expected a value, got nothing. Add it."),
+    ):  # fmt: skip
+        with pytest.raises(ParameterError) as caught:
+            call()
+        assert str(caught.value) == message
+
+
+def test_a_key_never_breaks_the_line():
+    with pytest.raises(FileFormatError) as caught:
+        validate(Inner, {"length": 1.0, "a\nb": 1}, "F")
+    assert str(caught.value) == "F: 'a\\nb': expected no such key, got 1. Remove it."
+
+
+@pytest.mark.parametrize(("parse", "text", "got"), [
+    (parse_json, "1" * 5000, "an integer of thousands of digits"), (parse_json, "[" * 900 + "]" * 900, "nested too"),
+    (parse_toml, "a = " + "1" * 5000, "an integer of thousands of digits"),
+    (parse_toml, "a = " + "[" * 100000, "nested too"), (parse_toml, "a." * 100000 + "a = 1", "nested too"),
+    (parse_toml, '"\\"" . ' * 100000 + "a = 1", "nested too"), (parse_toml, "[" + "a." * 100000 + "a]", "nested too"),
+], ids=range(7))  # fmt: skip
+def test_texts_that_no_parser_should_swallow(parse, text, got):
+    with pytest.raises(FileFormatError, match=rf"^F: expected .*, got .*{got}.*\.") as caught:
+        parse(text.encode(), "F")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_text_that_is_deep_enough_for_us():
+    assert parse_toml(b"a.b.c.d.e = '" + b"one. " * 1000 + b"'", "F")["a"]["b"]["c"]["d"]["e"].startswith("one.")
+
+
+def test_a_file_larger_than_any_of_ours(tmp_path):
+    path = tmp_path / "large"
+    path.write_bytes(b" " * 11)
+    assert len(read_bytes(path, "plan", limit=11)) == 11
+    with pytest.raises(FileFormatError, match=r"large: expected a plan file of at most .*, got a larger one\."):
+        read_bytes(path, "plan", limit=10)
+    with pytest.raises(FileFormatError, match=r"^/dev/zero: expected a plan file of at most 16 MB"):
+        read_bytes("/dev/zero", "plan")
+
+
+@pytest.mark.parametrize("path", ["a\0b", "a" * 5000])
+def test_names_that_no_file_can_have(tmp_path, path):
+    with pytest.raises(MissingFileError, match=r"expected a plan file, got "):
+        read_bytes(path, "plan")
+    with pytest.raises(OperationError, match=r"expected a file that can be written, got "):
+        write_atomic(tmp_path / path, "x")
 
 
 def test_models_are_frozen():

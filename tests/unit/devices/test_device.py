@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import ohmloom.devices as room
 from ohmloom.devices import CardValue, Device
-from ohmloom.errors import ParameterError, UnknownNameError
+from ohmloom.errors import MissingFileError, ParameterError, UnknownNameError
 
 HP = Device.load("hp_tio2")
 
@@ -124,15 +124,15 @@ def test_a_device_in_a_notebook_is_escaped():
         ),
         (
             lambda: HP.replace(r_on="hello"),
-            "hp_tio2.r_on: expected a number in SI units, got 'hello'. Pass a float.",
+            "hp_tio2.r_on: expected a finite number in SI units, got 'hello'. Correct it.",
         ),
         (
             lambda: HP.replace(r_on=True),
-            "hp_tio2.r_on: expected a number in SI units, got True. Pass a float.",
+            "hp_tio2.r_on: expected a finite number in SI units, got True. Correct it.",
         ),
         (
             lambda: HP.replace(r_on=float("nan")),
-            "hp_tio2.r_on: expected a finite number, got nan. Check where it comes from.",
+            "hp_tio2.r_on: expected a finite number in SI units, got nan. Correct it.",
         ),
         (
             lambda: HP.conductance([0.5, 1.5]),
@@ -186,3 +186,21 @@ def test_an_unknown_parameter_can_be_caught_as_a_key_error():
     with pytest.raises(KeyError) as caught:
         HP.replace(r_of=1.0)
     assert isinstance(caught.value, UnknownNameError)
+
+
+@pytest.mark.parametrize("value", [10**400, 10**5000, None], ids=["long", "longer", "none"])
+def test_numbers_beyond_a_float_are_refused(value):
+    with pytest.raises(ParameterError, match=r"^hp_tio2\.r_on: expected a finite number in SI units, got "):
+        HP.replace(r_on=value)
+
+
+@pytest.mark.parametrize("name", [None, 5, b"x"])
+def test_what_is_no_name_or_path(name):
+    with pytest.raises(ParameterError, match=r"^Device\.load: expected a card's name or path, got "):
+        Device.load(name)
+
+
+def test_names_that_no_file_can_have():
+    for name in ("a" * 5000, "a\0b", "a\0b.toml", "a" * 5000 + ".toml"):
+        with pytest.raises(MissingFileError):
+            Device.load(name)

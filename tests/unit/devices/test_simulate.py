@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 
 from ohmloom.devices import LAWS, Device
+from ohmloom.devices.simulate import integrate
 from ohmloom.errors import OperationError, ParameterError
 
 HP = Device.load("hp_tio2_10k")
@@ -164,7 +165,7 @@ def test_every_law_is_covered_by_a_card_here():
 def test_a_failed_integration_returns_no_numbers():
     # So steep that no step from t = 1 s is short enough.
     with pytest.raises(OperationError) as caught:
-        HP.simulate([1e30, 1e30], [1.0, 2.0], s0=0.5)
+        integrate(LAWS["hp_linear"], tuple(HP.parameters.values()), lambda t: 1e30, np.array([1.0, 2.0]), 0.5)
     assert str(caught.value).startswith(
         "Device.simulate: expected hp_linear to be integrated from t = 1 s to 2 s, got Required step size"
     )
@@ -238,3 +239,16 @@ def test_a_bad_start_is_told_what_was_expected():
     with pytest.raises(ParameterError) as caught:
         HP.simulate([0.0, 1.0], [0.0, 1.0], s0=[0.1, 0.2])
     assert str(caught.value) == "hp_tio2_10k: s0: expected a single state, got shape (2,). Give one number."
+
+
+@pytest.mark.parametrize(("voltage", "t", "field"), [
+    ([0, 1e308], [0, 1], "voltage"), (lambda t: 1e7, [0, 1], "voltage"), ([0, 1], [0, 1e308], "t"),
+])  # fmt: skip
+def test_absurd_sizes_are_refused_before_they_overflow(voltage, t, field):
+    with pytest.raises(ParameterError, match=rf"^hp_tio2[a-z0-9_]*\.simulate: {field}: expected at most "):
+        HP.simulate(voltage, t, s0=0.5)
+
+
+def test_an_overflow_inside_is_an_error_with_advice():
+    with pytest.raises(OperationError, match=r"^Device\.simulate: expected hp_linear to be integrated from t = 0 s"):
+        integrate(LAWS["hp_linear"], tuple(HP.parameters.values()), lambda t: 1e308 * t, np.array([0.0, 10.0]), 0.5)

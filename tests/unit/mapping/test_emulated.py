@@ -119,7 +119,7 @@ def test_network_without_synapses_runs():
     assert discrete.step(SENSORS) == emulated.step(SENSORS)
 
 
-@pytest.mark.parametrize("perturb", [-1.0, float("nan")])
+@pytest.mark.parametrize("perturb", [-1.0, float("nan"), float("inf"), 1e7, "a", None, True])
 def test_impossible_perturbation_is_refused(perturb):
     with pytest.raises(ParameterError, match=r"EmulatedController\.perturb: expected a number > -1"):
         pair(Network.random(system="HP", rng=np.random.default_rng(1)), perturb=perturb)
@@ -129,3 +129,8 @@ def test_sensors_out_of_range_are_refused():
     _, emulated = pair(Network.random(system="HP", rng=np.random.default_rng(1)))
     with pytest.raises(ParameterError, match=r"EmulatedController\.step: expected 6 sensor values in \[0, 1\]"):
         emulated.step((0, 0, 0, 0, 0, 1.5))
+
+
+def test_a_controller_wants_a_die():
+    with pytest.raises(ParameterError, match=r"^EmulatedController\.die: expected Die, got None\."):
+        EmulatedController(None)

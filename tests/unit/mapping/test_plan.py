@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmloom.errors import FileFormatError, MappingError
+from ohmloom.errors import FileFormatError, MappingError, ParameterError
 from ohmloom.mapping import Hardware, Plan, place
 from ohmloom.neurocontroller import Network, Readings, Synapse
 
@@ -104,3 +104,30 @@ def test_table_names_the_units():
     row = place(tiny(), Hardware.load("het_mixed")).table()[1]
     assert (row["sender"], row["receiver"]) == ("hidden 1 (-)", "hidden 0 (+)")
     assert {"conductance_S", "tap_steps"} <= set(row)
+
+
+def test_a_plan_with_another_key_is_refused(tmp_path):
+    path = tmp_path / "plan.json"
+    path.write_text(place(tiny(), Hardware.load("het_mixed")).to_json().replace('"tiles":', '"note": 1,\n "tiles":', 1))
+    with pytest.raises(FileFormatError, match=r"plan\.json: note: expected no such key, got 1\. "):
+        Plan.load(path)
+
+
+@pytest.mark.parametrize("path", [None, 5, b"x"])
+def test_what_is_no_path(path):
+    with pytest.raises(ParameterError, match=r"^plan file: expected a path, got "):
+        Plan.load(path)
+
+
+@pytest.mark.parametrize("value", [-1, 1.5, "a", None, True])
+@pytest.mark.parametrize("name", ["seed", "die"])
+def test_seed_and_die_are_integers_from_0(name, value):
+    with pytest.raises(ParameterError, match=rf"^Plan\.sample\.{name}: expected an integer >= 0, got "):
+        place(tiny(), Hardware.load("het_mixed")).sample(**({"seed": 1} | {name: value}))
+
+
+def test_placing_wants_a_network_and_hardware():
+    with pytest.raises(ParameterError, match=r"^place\.network: expected Network, got None\."):
+        place(None, Hardware.load("het_mixed"))
+    with pytest.raises(ParameterError, match=r"^place\.hardware: expected Hardware, got 'het_mixed'\."):
+        place(tiny(), "het_mixed")
