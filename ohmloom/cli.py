@@ -114,25 +114,29 @@ def evolve(
     task: Annotated[Task, typer.Option(help="One goal, or a goal that moves.")] = "static",
     starts: Annotated[int, typer.Option(min=1, help="Fitness is the mean over this many starts (1: the paper's).")] = 1,
     reevaluate: Annotated[bool, typer.Option("--reevaluate", help="Try a parent again whenever it is used.")] = False,
+    settings: Annotated[
+        Path | None, typer.Option(help="TOML file with settings of controller and arena that the paper leaves open.")
+    ] = None,
     json_: JsonOption = False,
 ) -> None:
     """Evolve spiking networks with plastic memristive synapses."""
-    from ohmloom.sim import EvolutionSettings
+    from ohmloom.sim import EvolutionSettings, OpenSettings
     from ohmloom.sim import evolve as run
 
-    settings = EvolutionSettings(
+    left_open = {} if settings is None else dict(OpenSettings.load(settings))
+    chosen = EvolutionSettings(
         system=system, repeats=repeats, generations=generations, population=population, seed=seed, task=task,
-        starts=starts, reevaluate=reevaluate,
+        starts=starts, reevaluate=reevaluate, **left_open,
     )  # fmt: skip
     say(f"{system}, {repeats} repeats of {generations} generations, seed {seed} (compiling at the first run)")
     with bars({k: f"{system} {k}" for k in range(repeats)}, generations) as update:
         evolution = run(
-            settings, out=out, workers=workers,
+            chosen, out=out, workers=workers,
             report=lambda k, row: update(k, int(row["generation"]), f"best {row['best_fitness']:.0f}, "
                                          f"success {row['best_success']:.0%}, mean {row['mean_fitness']:.0f}"),
         )  # fmt: skip
     if json_:
-        _print_json({"out": str(out), "settings": settings.model_dump(), "repeats": [
+        _print_json({"out": str(out), "settings": chosen.model_dump(), "repeats": [
             {"repeat": r.repeat, "best_fitness": r.best_fitness, "best_success": r.best_success,
              "mean_fitness": r.mean_fitness, "first_solved": r.first_solved, "network": str(r.network)}
             for r in evolution.repeats

@@ -15,7 +15,7 @@ SURFACE = {
     ],
     "ohmloom.sim": [
         "Agreement", "Arena", "Controller", "Divergence", "Evolution", "EvolutionSettings", "Feasibility", "Figure",
-        "Trial", "agreement", "evolve", "feasibility", "run_trial",
+        "OpenSettings", "Trial", "agreement", "evolve", "feasibility", "run_trial",
     ],
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -176,7 +177,7 @@ class Hardware(_HardwareFile):
         if text in cls.names():
             data = (resources.files("ohmloom.mapping") / "specs" / f"{text}.toml").read_bytes()
             return cls.from_toml(data, f"{text}.toml")
-        if not text.endswith(".toml") and not Path(text).exists():
+        if not text.endswith(".toml") and not os.path.exists(text):
             raise UnknownNameError.of("--hardware", text, cls.names())
         return cls.from_toml(read_bytes(text, "hardware spec"), text)
 

@@ -2,7 +2,7 @@
 
 from ohmloom.sim.agreement import Agreement, Divergence, agreement
 from ohmloom.sim.arena import Arena
-from ohmloom.sim.evolution import Evolution, EvolutionSettings, evolve
+from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, evolve
 from ohmloom.sim.feasibility import Feasibility, feasibility
 from ohmloom.sim.figures import Figure
 from ohmloom.sim.trial import Controller, Trial, run_trial
@@ -16,6 +16,7 @@ __all__ = [
     "EvolutionSettings",
     "Feasibility",
     "Figure",
+    "OpenSettings",
     "Trial",
     "agreement",
     "evolve",

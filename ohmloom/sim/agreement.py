@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmloom import __version__
 from ohmloom._arrays import FloatArray, IntArray, frozen_array, read_arrays, write_arrays
-from ohmloom.errors import FileFormatError, ParameterError
+from ohmloom.errors import FileFormatError, ParameterError, expect_integer
 from ohmloom.mapping import Die, EmulatedController, Hardware, Ledger, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.sim.arena import Arena
@@ -144,8 +144,15 @@ def agreement(
         If the network cannot be placed.
     """
     die = place(network, hardware).nominal() if die is None else die
+    if die.plan.network.sha256 != network.sha256:
+        raise ParameterError(f"agreement.die: expected a die of {network.name}, got one of {die.plan.network.name}. "
+                             "Sample it from this network's plan.")  # fmt: skip
     pair = _Pair(network, die, perturb)
-    key = draw_trial_key(np.random.default_rng(seed)) if trial_key is None else trial_key
+    key = (
+        draw_trial_key(np.random.default_rng(expect_integer("agreement.seed", seed)))
+        if trial_key is None
+        else trial_key
+    )
     trial = run_trial(pair, arena, trial_key=key)
     has_linear = any(s.kind == "linear" for s in network.synapses)
     rms = np.array(pair.rms) if pair.rms else np.zeros(1)

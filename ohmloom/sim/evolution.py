@@ -22,6 +22,7 @@ from ohmloom._files import (
     advise,
     check_format,
     parse_json,
+    parse_toml,
     read_bytes,
     remove_temporaries,
     validate,
@@ -46,7 +47,40 @@ FORMAT, VERSION = "ohmloom.run", 1
 OBSERVE_EVERY = 20  # Section IX
 
 
-class EvolutionSettings(StrictModel):
+class OpenSettings(StrictModel):
+    """What the paper leaves open of arena, births and controller; a settings file holds some or all of it.
+
+    Attributes
+    ----------
+    shadow, slip_mode, second_part_start
+        Settings of the arena.
+    enable_probability
+        Probability that a legal synapse exists at birth.
+    readings
+        Settings of the controller.
+    """
+
+    shadow: bool = False
+    slip_mode: Literal["stall", "uniform"] = "stall"
+    second_part_start: Literal["goal", "start"] = "goal"
+    enable_probability: float = Field(default=0.5, ge=0.0, le=1.0)
+    readings: Readings = Readings()
+
+    @classmethod
+    def load(cls, path: Path | str) -> OpenSettings:
+        """Read a TOML file with format = "ohmloom.settings", version = 1.
+
+        Raises
+        ------
+        MissingFileError, FileFormatError
+            If the file does not exist, or breaks a rule; names every field that does.
+        """
+        where = str(path)
+        table = parse_toml(read_bytes(path, "settings"), where)
+        return validate(OpenSettings, check_format(table, where, "ohmloom.settings", 1), where)
+
+
+class EvolutionSettings(OpenSettings):
     """What determines an evolution run.
 
     Attributes
@@ -61,12 +95,10 @@ class EvolutionSettings(StrictModel):
         Fitness is the mean over this many starts; 1 is the paper's.
     reevaluate
         Whether a parent is tried again on fresh starts each time it is used; fitness is the mean over all.
-    task, shadow, slip_mode, second_part_start
-        Settings of the arena.
-    enable_probability
-        Probability that a legal synapse exists at birth.
-    readings
-        Settings of the controller.
+    task
+        ``static`` or ``dynamic``.
+    shadow, slip_mode, second_part_start, enable_probability, readings
+        See `OpenSettings`.
     """
 
     system: Literal["HP", "PEO", "LIN", "GA", "HET"]
@@ -77,11 +109,6 @@ class EvolutionSettings(StrictModel):
     starts: int = Field(default=1, ge=1)
     reevaluate: bool = False
     task: Literal["static", "dynamic"] = "static"
-    shadow: bool = False
-    slip_mode: Literal["stall", "uniform"] = "stall"
-    second_part_start: Literal["goal", "start"] = "goal"
-    enable_probability: float = Field(default=0.5, ge=0.0, le=1.0)
-    readings: Readings = Readings()
 
     def arena(self) -> Arena:
         """The arena of these settings."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
-from ohmloom.errors import FileFormatError, ParameterError
+from ohmloom.errors import FileFormatError, expect_integer
 from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, event_table, place
 from ohmloom.mapping.plan import reads_with_reference
 from ohmloom.neurocontroller import LATTICES, Network, SpikingController
@@ -174,9 +174,8 @@ def feasibility(
     ParameterError
         If `dies` or `seed` is negative.
     """
-    for name, number in (("dies", dies), ("seed", seed)):
-        if number < 0:
-            raise ParameterError(f"feasibility.{name}: expected an integer >= 0, got {number}. Use 0 or more.")
+    expect_integer("feasibility.dies", dies)
+    expect_integer("feasibility.seed", seed)
     if arena is None:
         arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
     plan = place(network, hardware)

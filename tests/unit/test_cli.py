@@ -204,6 +204,34 @@ def test_evolve_with_other_settings_names_the_first_that_differs(run, tmp_path):
     assert {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()} == before
 
 
+def test_settings_file_reaches_networks_and_arena(run, tmp_path):
+    path = tmp_path / "open.toml"
+    path.write_text('format = "ohmloom.settings"\nversion = 1\nshadow = true\n[readings]\nlateral = "both"\n')
+    words = ["evolve", "--system", "GA", "--generations", 0, "--population", 3, "--out", tmp_path / "run"]
+    assert run(*words, "--settings", path)[0] == 0
+    assert Network.load(tmp_path / "run" / "networks" / "GA_0.net.json").readings.lateral == "both"
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["arena"]["shadow"] is True
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("shadow = 1\n", "open.toml: shadow: expected a valid boolean, got 1"),
+        ("shadoww = true\n", "open.toml: shadoww: expected no such key, got True. Did you mean 'shadow'?"),
+        ('[readings]\nlateral = "up"\n', "open.toml: readings.lateral: expected 'descending', 'both' or 'ascending'"),
+        ("seed = 4\n", "open.toml: seed: expected no such key, got 4"),
+        ("[readings", "open.toml: expected TOML, got"),
+    ],
+)
+def test_bad_settings_file_is_refused(run, tmp_path, text, message):
+    path = tmp_path / "open.toml"
+    path.write_text('format = "ohmloom.settings"\nversion = 1\n' + text)
+    code, _, err = run("evolve", "--system", "GA", "--out", tmp_path / "run", "--settings", path)
+    assert code == 2
+    assert message in one_line(err)
+    assert not (tmp_path / "run").exists()
+
+
 def test_interrupted_evolution_says_how_to_resume_and_loses_nothing(tmp_path):
     def words(out):
         return [sys.executable, "-m", "ohmloom", "evolve", "--system", "GA", "--generations", "60", "--population", "6",

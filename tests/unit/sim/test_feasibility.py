@@ -72,7 +72,7 @@ def test_truncated_study_is_refused(study, tmp_path):
 
 @pytest.mark.parametrize("name", ["dies", "seed"])
 def test_negative_numbers_are_refused(name):
-    with pytest.raises(ParameterError, match=rf"feasibility\.{name}: expected an integer >= 0, got -1"):
+    with pytest.raises(ParameterError, match=rf"feasibility\.{name}: expected an integer"):
         feasibility(NETWORK, Hardware.load("ideal"), **{name: -1})
 
 
@@ -105,3 +105,10 @@ def test_agreement_notices_a_wrong_charge():
     assert not wrong.exact
     assert wrong.first_divergence is not None
     assert wrong.worst_rms > 1e-3 > right.worst_rms
+
+
+def test_die_of_another_network_is_refused():
+    other = Network.random(system="HET", rng=np.random.default_rng(9))
+    die = place(other, Hardware.load("het_mixed")).nominal()
+    with pytest.raises(ParameterError, match=r"agreement\.die: expected a die of network"):
+        agreement(NETWORK, Hardware.load("het_mixed"), die=die, arena=SHORT)
