@@ -19,7 +19,7 @@ from ohmloom.sim.trial import TRIAL_ARRAYS, Trial, draw_trial_key, run_trial
 
 STEPS = 21
 MOST_TIES = 5  # on a network without linear synapses
-TIE_WEIGHT_ERROR = 1e-6
+WEIGHT_ERROR = 1e-6
 ROUNDING = 8 * np.finfo(np.float64).eps
 
 
@@ -39,7 +39,7 @@ class Agreement:
     Attributes
     ----------
     exact
-        Whether every spike of every step is equal, but for few enough ties.
+        Whether every spike of every step is equal, but for few enough ties, and every weight to 1e-6.
     ties
         Steps in which a membrane lay so near the threshold that rounding decides; both then went on from one state.
     first_divergence
@@ -157,7 +157,9 @@ def agreement(
     has_linear = any(s.kind == "linear" for s in network.synapses)
     rms = np.array(pair.rms) if pair.rms else np.zeros(1)
     return Agreement(
-        exact=pair.first_divergence is None and (has_linear or pair.ties <= MOST_TIES),
+        exact=pair.first_divergence is None
+        and (has_linear or pair.ties <= MOST_TIES)
+        and pair.worst_error <= WEIGHT_ERROR,
         ties=pair.ties, first_divergence=pair.first_divergence,
         spike_agreement=1.0 - pair.different_spikes / max(pair.steps * network.neurons, 1),
         action_agreement=pair.equal_actions / max(len(pair.rms), 1), worst_rms=float(rms.max()),
@@ -230,7 +232,7 @@ class _Pair:
             # The one that did not spike still shows how far it stayed below the threshold.
             silent = np.where(spiked, self.emulated.membranes, self.discrete.membranes)
             distance = r.y_thresh - silent[different]
-            is_tie = largest <= TIE_WEIGHT_ERROR and bool((distance <= 2.0 * self._bound[different]).all())
+            is_tie = largest <= WEIGHT_ERROR and bool((distance <= 2.0 * self._bound[different]).all())
             if is_tie and self.first_divergence is None:
                 self.ties += 1
                 self.emulated.restart_from(
