@@ -277,13 +277,14 @@ def _exactness(plan: Plan, check: Agreement) -> tuple[dict[str, bool], dict[str,
             for pre in range(len(table)) for post in range(len(table))
         )  # fmt: skip
     else:
-        skipped["rule_table"] = "no plastic synapse"
+        skipped |= {"rule_table": "no plastic synapse", "lattice": "no plastic synapse"}
     other = [kind for kind in kinds if not _is_paper_ratio(plan.hardware, kind)]
     if other:
         reason = f"the cards of {', '.join(other)} are not of ratio 100, so their weights are not the paper's"
         skipped |= {"lattice": reason, "network_charge": reason}
     else:
-        exact["lattice"] = all(_lattice_error(plan.hardware, kind) <= LATTICE_TOLERANCE for kind in kinds)
+        if kinds:
+            exact["lattice"] = all(_lattice_error(plan.hardware, kind) <= LATTICE_TOLERANCE for kind in kinds)
         exact["network_charge"] = check.exact
     return exact, skipped
 

@@ -112,3 +112,10 @@ def test_die_of_another_network_is_refused():
     die = place(other, Hardware.load("het_mixed")).nominal()
     with pytest.raises(ParameterError, match=r"agreement\.die: expected a die of network"):
         agreement(NETWORK, Hardware.load("het_mixed"), die=die, arena=SHORT)
+
+
+def test_without_plastic_synapses_only_the_spikes_are_compared():
+    network = Network.random(system="GA", rng=np.random.default_rng(3))
+    study = feasibility(network, Hardware.load("ideal"), dies=0, arena=SHORT)
+    assert study.exactness == {"network_charge": True}
+    assert study.not_applicable == {"rule_table": "no plastic synapse", "lattice": "no plastic synapse"}
