@@ -75,13 +75,22 @@ def read_arrays(
         If it is damaged, of another format or version, or lacks an array of numbers.
     """
     where = str(path)
+    data = read_bytes(path, what, limit=None)
+    # A damaged zip file fails in any of these ways; NotImplementedError stands for an unknown compression.
     try:
-        with np.load(io.BytesIO(read_bytes(path, what, limit=None)), allow_pickle=False) as archive:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, zipfile.BadZipFile, zlib.error,
-            NotImplementedError) as error:  # fmt: skip
-        if isinstance(error, FileNotFoundError):
-            raise
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        AttributeError,
+        TypeError,
+        KeyError,
+        zipfile.BadZipFile,
+        zlib.error,
+        NotImplementedError,
+    ) as error:
         raise FileFormatError(
             f"{where}: expected an npz file of a {what}, got {error}. It may be truncated."
         ) from error

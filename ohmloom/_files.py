@@ -42,7 +42,8 @@ class StrictModel(pydantic.BaseModel):
         except pydantic.ValidationError as error:
             raise ParameterError(*_problems(type(self).__name__, error, type(self), ".")) from error
 
-    # Parsing a table must go around this constructor, or the errors of inner tables would lose their place.
+    # Parsing a table must go around this constructor, or the errors of inner tables would lose their place. The mark
+    # is pydantic's own way to say so; functions have no such attribute for a type checker.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 

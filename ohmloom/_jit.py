@@ -54,7 +54,8 @@ def _writable_cache() -> str:
 if "NUMBA_CACHE_DIR" not in os.environ:
     os.environ["NUMBA_CACHE_DIR"] = _writable_cache()
 
-import numba  # noqa: E402 - after its cache directory is set
+# numba reads its cache directory when it is imported, so the imports come after it is set.
+import numba  # noqa: E402
 from numba.core import types  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
 
@@ -105,7 +106,7 @@ def _lowest_bit_plain(mask: int) -> int:
 
 def _lowest_bit_compiled(typingctx: Any, mask: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        from llvmlite import ir  # type: ignore[import-untyped]
+        from llvmlite import ir
 
         return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
 

@@ -97,6 +97,7 @@ def _between_walls(
     def near(time: float, y: Any) -> float:
         return float(y[0])
 
+    # SciPy reads an event's settings from attributes of its function, which a type checker does not expect.
     far.terminal, far.direction = True, 1.0  # type: ignore[attr-defined]
     near.terminal, near.direction = True, -1.0  # type: ignore[attr-defined]
     solution = solve_ivp(

@@ -56,6 +56,7 @@ class RobotState(NamedTuple):
     """What changes during a trial."""
 
     pose: np.ndarray  # [x, y, heading]
+    # The field hides the method tuple.count, which nothing here calls.
     count: np.ndarray  # type: ignore[assignment]  # [st, bumps, part, executed timesteps, done]
     best: np.ndarray  # [best fitness]
 

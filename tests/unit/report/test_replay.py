@@ -228,6 +228,7 @@ def test_png_opens_holds_every_kind_and_carries_no_metadata(tmp_path: Path) -> N
     replay_png(record(), ARENA, tmp_path / "trial.png")
     with Image.open(tmp_path / "trial.png") as image:
         assert image.width > 1500
+        # Only PNG images have a text, and Pillow types what it opens as any image.
         assert not image.text  # type: ignore[attr-defined]
         colours = {"#{:02x}{:02x}{:02x}".format(*c[:3]) for _, c in image.convert("RGB").getcolors(1 << 24) or []}
     assert {"#d55e00", "#b5548f", "#56b4e9", "#0072b2", "#d99a00"} <= colours
