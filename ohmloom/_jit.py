@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import inspect
 import logging
 import os
 import shutil
@@ -57,11 +58,13 @@ if "NUMBA_CACHE_DIR" not in os.environ:
 # numba reads its cache directory when it is imported, so the imports come after it is set.
 import numba  # noqa: E402
 from numba.core import types  # noqa: E402
-from numba.extending import intrinsic  # noqa: E402
+from numba.extending import intrinsic, overload, register_jitable  # noqa: E402
 
 # Compiled functions keep the type of the plain ones for their callers, which numba's own types would hide.
 _njit: Any = numba.njit
 _intrinsic: Any = intrinsic
+_overload: Any = overload
+_register: Any = register_jitable
 _config: Any = numba.config
 COMPILED = not _config.DISABLE_JIT
 
@@ -76,6 +79,22 @@ def inner_kernel(function: F) -> F:
     """Compile a function that only other kernels call; it is compiled into them and not cached by itself."""
     compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy")(function)
     return compiled
+
+
+def make_callable(function: Callable[..., Any], compiled_form: Callable[..., Any] | None = None) -> None:
+    """Let kernels call a plain function, as it stands or in another form; called from Python it stays as it is."""
+    if not COMPILED:
+        return
+    if compiled_form is None:
+        _register(function)
+        return
+
+    def choose(*arguments: Any) -> Any:
+        return compiled_form
+
+    # numba wants the signature of what it compiles, annotations included.
+    choose.__signature__ = inspect.signature(compiled_form)  # type: ignore[attr-defined]
+    _overload(function)(choose)
 
 
 def closure_kernel(tag: str) -> Callable[[F], F]:

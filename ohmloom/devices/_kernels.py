@@ -6,14 +6,17 @@ The dispatch is built over `LAWS`, so a new law needs no edit here. Every functi
 
 from __future__ import annotations
 
+import inspect
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ohmloom._jit import closure_kernel, inner_kernel, kernel
+from ohmloom._jit import closure_kernel, inner_kernel, kernel, make_callable
 from ohmloom.devices._pulse_kernels import build_pulses
-from ohmloom.devices.laws import LAWS
+from ohmloom.devices.laws import LAWS, _functions, _shared
 
 LAW_NAMES: tuple[str, ...] = tuple(LAWS)
+LAWS_PACKAGE = "ohmloom.devices.laws"
 LAW_INDEX: dict[str, int] = {name: index for index, name in enumerate(LAW_NAMES)}
 
 
@@ -55,6 +58,23 @@ def build_charge_rate(functions: Sequence[Callable[..., Any]], index: int = 0) -
     return choose
 
 
+def _teach_helpers() -> None:
+    """Let compiled laws call what they share: the functions of `_functions`, and those of each other's modules."""
+    for function, numeric in _functions.ELEMENTARY.items():
+        make_callable(function, numeric)
+    modules = [_shared, *(sys.modules[law.charge_rate.__module__] for law in LAWS.values())]
+    helpers = {
+        member
+        for module in modules
+        for member in vars(module).values()
+        if inspect.isfunction(member) and member.__module__.startswith(LAWS_PACKAGE)
+    }
+    for helper in sorted(helpers | set(_functions.COMPOSED), key=lambda f: (f.__module__, f.__qualname__)):
+        if helper not in _functions.ELEMENTARY:
+            make_callable(helper)
+
+
+_teach_helpers()
 _conductance = build_conductance([law.conductance for law in LAWS.values()])
 _charge_rate = build_charge_rate([law.charge_rate for law in LAWS.values()])
 _metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate, "laws")

@@ -15,6 +15,9 @@ Parameters = Any
 class Parameter:
     """One parameter of a law: its unit, bounds (both allowed) and the scale on which it varies.
 
+    A fit holds a parameter that is not `fitted` at its default unless it is asked to free it: a choice between
+    forms of the law, or something that voltage and current alone do not determine.
+
     >>> Parameter(name="r_on", unit="Ohm", default=100.0, lower=1e-3, upper=1e9, scale="log", doc="on").unit
     'Ohm'
     """
@@ -26,6 +29,7 @@ class Parameter:
     upper: float
     scale: Literal["log", "linear"]
     doc: str
+    fitted: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +38,8 @@ class Law:
 
     Equation: ``i = conductance(s, v, p) v`` and ``ds/dt = charge_rate(s, v, i, p) / charge_scale(p)``, with
     `p` the parameters in declared order. Current counts positive from the first terminal through the device
-    to the second, `v` is the first terminal's voltage above the second's; positive current never lowers `s`.
+    to the second, `v` is the first terminal's voltage above the second's. A sufficient positive voltage raises
+    `s`, and with it the conductance.
 
     Attributes
     ----------
@@ -44,6 +49,12 @@ class Law:
         ``(s, v, i, p) -> dq/dt`` in A: the rate of the state charge, before walls.
     charge_scale
         ``(p) -> q_d`` in C: the state charge between the two walls.
+    flux, state_at_flux
+        ``(s, p) -> phi`` in Wb, the integral of v that takes the state from 0 to `s`, and its inverse ``(phi, p)
+        -> s``. Only an ideal memristor has them, where ``dq/dt = i`` and G depends on `s` alone; else None.
+
+    The functions take floats, arrays and CasADi symbols alike; what `+ - * / **` and comparisons cannot say comes
+    from `_functions`. The last two take numbers and arrays only.
     """
 
     name: str
@@ -52,6 +63,13 @@ class Law:
     charge_rate: Callable[[Value, Value, Value, Parameters], Any]
     charge_scale: Callable[[Parameters], Any]
     doc: str
+    flux: Callable[[Value, Parameters], Any] | None = None
+    state_at_flux: Callable[[Value, Parameters], Any] | None = None
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether ``M = d phi/d q``: the state charge is the transported charge, and nothing else sets G."""
+        return self.flux is not None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -14,8 +14,10 @@ Range of validity: clip walls, low fields, no window and no threshold; measured 
 
 from __future__ import annotations
 
-from ohmloom.devices.laws._law import Law, Parameter, Parameters, Value
-from ohmloom.devices.laws._shared import R_OFF, R_ON
+import numpy as np
+
+from ohmloom.devices.laws._law import Law, Parameters, Value
+from ohmloom.devices.laws._shared import BETA, R_OFF, R_ON
 
 
 def conductance(s: Value, v: Value, p: Parameters) -> Value:
@@ -33,21 +35,22 @@ def charge_scale(p: Parameters) -> Value:
     return (p[1] - p[0]) / (p[1] * p[0] * p[2])
 
 
+def flux(s: Value, p: Parameters) -> Value:
+    """phi = q_d (R_off s - (R_off - R_on) s^2/2), which is M^2 = M0^2 - 2 (R_off - R_on)/q_d phi."""
+    return charge_scale(p) * s * (p[1] - 0.5 * (p[1] - p[0]) * s)
+
+
+def state_at_flux(phi: Value, p: Parameters) -> Value:
+    """s = (R_off - M)/(R_off - R_on) with M from the quadratic, written so that nothing cancels near s = 0."""
+    scaled = phi / charge_scale(p)
+    return 2.0 * scaled / (p[1] + np.sqrt(p[1] ** 2 - 2.0 * (p[1] - p[0]) * scaled))
+
+
 LAW = Law(
     name="hp_linear",
-    parameters=(
-        R_ON,
-        R_OFF,
-        Parameter(
-            name="beta",
-            unit="1/(V s)",
-            default=100.0,
-            lower=1e-9,
-            upper=1e15,
-            scale="log",
-            doc="mu_v/D^2: ion mobility over film thickness squared",
-        ),
-    ),
+    parameters=(R_ON, R_OFF, BETA),
+    flux=flux,
+    state_at_flux=state_at_flux,
     conductance=conductance,
     charge_rate=charge_rate,
     charge_scale=charge_scale,

@@ -8,6 +8,8 @@ Range of validity: theoretical; a resistor with a non-volatile memory beside it,
 
 from __future__ import annotations
 
+import numpy as np
+
 from ohmloom.devices.laws._law import Law, Parameters, Value
 from ohmloom.devices.laws._shared import Q_D, R_OFF, R_ON
 
@@ -27,9 +29,21 @@ def charge_scale(p: Parameters) -> Value:
     return p[2]
 
 
+def flux(s: Value, p: Parameters) -> Value:
+    """phi = q_d/(G_on - G_off) ln(1 + (G_on/G_off - 1) s)."""
+    return p[2] * p[0] * p[1] / (p[1] - p[0]) * np.log1p((p[1] / p[0] - 1.0) * s)
+
+
+def state_at_flux(phi: Value, p: Parameters) -> Value:
+    """The inverse: s grows exponentially with the flux."""
+    return np.expm1(phi * (p[1] - p[0]) / (p[2] * p[0] * p[1])) / (p[1] / p[0] - 1.0)
+
+
 LAW = Law(
     name="linear",
     parameters=(R_ON, R_OFF, Q_D),
+    flux=flux,
+    state_at_flux=state_at_flux,
     conductance=conductance,
     charge_rate=charge_rate,
     charge_scale=charge_scale,
