@@ -1,11 +1,17 @@
-"""Units: how a quantity in SI is written for a person."""
+"""Units: how a quantity in SI is written for a person, and what a person's unit is in SI."""
 
 from __future__ import annotations
 
 import math
 
+from ohmloom.errors import UnknownNameError, expect_type, shown
+
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 UNSCALED = frozenset({"", "1", "events", "pulses", "dies", "trials", "%"})
+BASES = ("s", "V", "A", "Ohm", "S", "C", "Hz", "F", "W", "J")
+_TIMES = {"min": 60.0, "h": 3600.0}
+# Both signs that print as micro and as ohm, and the lower-case ohm.
+_SPELLINGS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u03a9": "Ohm", "\u2126": "Ohm"})
 
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
@@ -25,3 +31,63 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     exponent = min(max(3 * math.floor(math.log10(abs(rounded)) / 3), -15), 9)
     scaled = rounded / 10.0**exponent
     return f"{scaled:.{digits}g} {_PREFIXES[exponent]}{unit}"
+
+
+def parse_unit(text: str, base: str, *, where: str = "unit") -> float:
+    """Factor from the unit `text` to the SI unit `base`.
+
+    Prefixes are f, p, n, u (or the Greek mu), m, k, M, G or none; times may also be in min and h. Upper and lower
+    case differ (mV, MV).
+
+    Parameters
+    ----------
+    text
+        The unit, as "uA" or "kOhm".
+    base
+        An SI unit without a prefix, as "s", "V", "A" or "Ohm".
+    where
+        What the unit belongs to, for the error.
+
+    Raises
+    ------
+    UnknownNameError
+        If `text` is no unit, or a unit of something else.
+
+    Examples
+    --------
+    >>> parse_unit("uA", "A"), parse_unit("min", "s")
+    (1e-06, 60.0)
+    >>> parse_unit("mV", "A")
+    Traceback (most recent call last):
+    ohmloom.errors.UnknownNameError: unit: expected a unit of A, such as mA, got 'mV', a unit of V. Check that this is \
+the right quantity.
+    """
+    expect_type(where, text, str)
+    known = known_units(base)
+    unit = find_unit(text, base)
+    if unit is not None:
+        return known[unit]
+    for other in BASES:
+        if other != base and find_unit(text, other):
+            raise UnknownNameError(
+                f"{where}: expected a unit of {base}, such as m{base}, got {shown(text)}, a unit of {other}. "
+                "Check that this is the right quantity."
+            )
+    raise UnknownNameError.of(where, text, known)
+
+
+def known_units(base: str) -> dict[str, float]:
+    """Factor to SI by unit, for all units of `base`, from the smallest on."""
+    units = {f"{prefix}{base}": float(f"1e{exponent}") for exponent, prefix in _PREFIXES.items()}
+    return units | _TIMES if base == "s" else units
+
+
+def find_unit(text: str, base: str) -> str | None:
+    """The unit of `base` that `text` spells, or None.
+
+    >>> find_unit("\u00b5A", "A"), find_unit("kohm", "Ohm"), find_unit("mV", "A")
+    ('uA', 'kOhm', None)
+    """
+    name = text.strip().translate(_SPELLINGS)
+    name = f"{name[:-3]}Ohm" if name.endswith("ohm") else name
+    return name if name in known_units(base) else None
