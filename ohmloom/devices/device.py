@@ -244,6 +244,31 @@ class Device:
             provenance=self._provenance(start),
         )
 
+    def emit(self, to: str) -> str:
+        """The device as text for other tools, from the same definition of the law.
+
+        Parameters
+        ----------
+        to
+            ``"c"``: C99 functions. ``"spice"``: an ngspice subcircuit ``p n`` with the state `s0` and all parameters
+            settable per instance. ``"verilog-a"``: a module with ports p, n.
+
+        Examples
+        --------
+        >>> print(Device.load("linear").emit("spice").splitlines()[-1])
+        .ends linear
+
+        Raises
+        ------
+        ParameterError
+            If there is no such language, or a parameter's name is taken in one of them.
+        OperationError
+            If the law uses an operation that these languages lack.
+        """
+        from ohmloom.devices.emit import emit
+
+        return emit(self, to)
+
     @property
     def _p(self) -> tuple[float, ...]:
         return tuple(entry.value for entry in self.values)
