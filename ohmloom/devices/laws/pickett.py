@@ -7,8 +7,9 @@ Simmons' formula for a rectangular barrier with image force (J. Appl. Phys. 34 (
 positive current switches off; here the terminals are exchanged, so that positive current, into the first terminal,
 narrows the gap, ``s = (w_max - w)/(w_max - w_min)``, and raises G.
 
-Range of validity: a reference generator for gap voltages up to about 0.9 V, where the barrier would reach the Fermi
-level; beyond, and within +-1 mV, the gap conducts as a resistor. A width has no charge: q_d = 1 C, nominal.
+Range of validity: a reference generator for gap voltages below the barrier: 0.9 V, less for a gap under 1.2 nm. Beyond,
+the barrier is held where the formula's forward current is largest, and past 0.9 V, as within +-1 mV, the gap conducts as
+a resistor. A width has no charge: q_d = 1 C, nominal.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ DECAY = 10.246e9  # 1/(m sqrt(V)): 4 pi sqrt(2 m e)/h
 CURRENT_SCALE = ELEMENTARY_CHARGE**2 / (2.0 * math.pi * PLANCK)  # A/V
 IMAGE_FORCE = ELEMENTARY_CHARGE * math.log(2.0) / (8.0 * math.pi * VACUUM_PERMITTIVITY)  # V m
 SMALLEST_GAP_VOLTAGE, LARGEST_GAP_VOLTAGE = 1e-3, 0.9  # V
-SMALLEST_BARRIER = 1e-3  # V
 # Newton's rule from above on a convex curve; its slope comes from a difference, so each round gains five digits.
 ROUNDS, DIFFERENCE = 9, 1e-6
 
@@ -33,13 +33,17 @@ def conductance(s: Value, v: Value, p: Parameters) -> Value:
     """G of gap and series resistor, the gap's voltage found by Newton's rule."""
     w = _width(s, p)
     size = abs(v)
-    # The gap's largest possible voltage: that of its low-field conductance.
-    u = size / (1.0 + p[8] * _gap_conductance(w, 0.0, p))
+    # Past the largest gap voltage the gap is a resistor. Below, its current is convex, so Newton's rule falls to the root
+    # from anything above it: the share that its low-field conductance would leave to the gap.
+    ohmic = size / (1.0 + p[8] * _gap_conductance(w, LARGEST_GAP_VOLTAGE, p))
+    u = smaller(size / (1.0 + p[8] * _gap_conductance(w, 0.0, p)), LARGEST_GAP_VOLTAGE)
     for _ in range(ROUNDS):
         step = DIFFERENCE * (u + SMALLEST_GAP_VOLTAGE)
         excess = u + p[8] * u * _gap_conductance(w, u, p) - size
-        further = u + step + p[8] * (u + step) * _gap_conductance(w, u + step, p) - size
-        u = larger(u - excess * step / (further - excess), 0.0)
+        before = u - step + p[8] * (u - step) * _gap_conductance(w, u - step, p) - size
+        u = larger(u - excess * step / (excess - before), 0.0)
+    is_ohmic = ohmic >= LARGEST_GAP_VOLTAGE
+    u = is_ohmic * ohmic + (1.0 - is_ohmic) * u
     g = _gap_conductance(w, u, p)
     return g / (1.0 + p[8] * g)
 
@@ -70,8 +74,9 @@ def _gap_conductance(w: Value, u: Value, p: Parameters) -> Value:
     w2 = w1 + w * (1.0 - 9.2 * image / (3.0 * p[9] + 4.0 * image - 2.0 * held))
     thickness = w2 - w1
     bent = held * (w1 + w2) / (2.0 * w) + 1.15 * image * w / thickness * log(w2 * (w - w1) / (w1 * (w - w2)))
-    barrier = larger(p[9] - bent, SMALLEST_BARRIER)
     decay = DECAY * thickness
+    # Under it the formula's forward current would fall with a growing voltage: there the barrier is gone.
+    barrier = larger(p[9] - bent, (2.0 / decay) ** 2)
     forward = barrier * bounded_exp(-decay * sqrt(barrier))
     backward = (barrier + held) * bounded_exp(-decay * sqrt(barrier + held))
     return CURRENT_SCALE * p[10] / thickness**2 * (forward - backward) / held

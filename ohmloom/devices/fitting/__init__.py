@@ -1,0 +1,1 @@
+"""Fitting of device laws to measured sweeps."""
