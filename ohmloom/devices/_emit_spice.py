@@ -11,6 +11,8 @@ WIDTH = 110
 # Share of the state's range over which an outward rate fades at a wall: a hard stop has no derivative for Newton's
 # iteration.
 WALL = 1e-6
+# A time step that ends beyond a wall is taken back while the rate points outward, slowly enough to be smooth.
+OVERSHOOT = 1e-3
 # Holds the state at s0 in analyses that have no time; 30 000 years is longer than any transient.
 LEAK = 1e12  # Ohm; with 1 F a time constant in s
 
@@ -32,8 +34,7 @@ def emit_spice(name: str, header: list[str], law: Law, values: tuple[float, ...]
     body += [f"B{step.name} {step.name} 0 V = {step.text}" for step in steps if not step.is_fixed]
     body += [
         "Bport p n I = V(i)",
-        f"Bx 0 x I = max(V(rate), 0.0) * min(max((1.0 - V(x)) / {WALL!r}, 0.0), 1.0)"
-        f" + min(V(rate), 0.0) * min(max(V(x) / {WALL!r}, 0.0), 1.0)",
+        f"Bx 0 x I = max(V(rate), 0.0) * {_fade('(1.0 - V(x))')} + min(V(rate), 0.0) * {_fade('V(x)')}",
         "Cx x 0 1.0 ic={s0}",
         ".ic v(x)={s0}",
         f"Rx x start {LEAK!r}",
@@ -49,6 +50,10 @@ def emit_spice(name: str, header: list[str], law: Law, values: tuple[float, ...]
         f"rate fades to 0 over the last {WALL!r} of s; s0 holds with and without uic, and in .op.",
     ]
     return "\n".join([*(f"* {note}".rstrip() for note in notes), *(_continued(line) for line in body)]) + "\n"
+
+
+def _fade(distance: str) -> str:
+    return f"min(max({distance} / {WALL!r}, {distance} / {OVERSHOOT!r}), 1.0)"
 
 
 def _continued(line: str) -> str:

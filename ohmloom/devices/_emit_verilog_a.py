@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import textwrap
 
+from ohmloom.devices._emit_spice import OVERSHOOT, WALL
 from ohmloom.devices._symbolic import Dialect, trace, write
 from ohmloom.devices.laws import Law, Parameter
 
 WIDTH = 110
-# As in the SPICE subcircuit: the share of the range over which an outward rate fades at a wall.
-WALL = 1e-6
 
 VERILOG_A = Dialect(functions={"log": "ln", "fabs": "abs", "fmin": "min", "fmax": "max"})
 
@@ -43,7 +42,7 @@ def emit_verilog_a(name: str, header: list[str], law: Law, values: tuple[float, 
         "        q = s * charge_scale;",
         f"        // An outward rate fades to 0 over the last {WALL!r} of s.",
         "        inward = rate > 0.0 ? 1.0 - V(x) : V(x);",
-        f"        rate = rate * min(max(inward / {WALL!r}, 0.0), 1.0);",
+        f"        rate = rate * min(max(inward / {WALL!r}, inward / {OVERSHOOT!r}), 1.0);",
         "        I(p, n) <+ i;",
         '        if (analysis("static"))',
         "            V(x) <+ s0;",
