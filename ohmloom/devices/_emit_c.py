@@ -57,7 +57,9 @@ def _function(law: Law, name: str, wanted: str, arguments: tuple[str, ...]) -> l
     program = trace(law, wanted)
     used = program.symbols
     read = [
-        f"    const double {parameter} = p[{k}];" for k, parameter in enumerate(law.parameter_names) if parameter in used
+        f"    const double {parameter} = p[{k}];"
+        for k, parameter in enumerate(law.parameter_names)
+        if parameter in used
     ]
     unused = [argument for argument in arguments if argument not in used] + ([] if read else ["p"])
     *steps, result = write(program, C)

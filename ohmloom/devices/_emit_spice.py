@@ -17,11 +17,17 @@ OVERSHOOT = 1e-3
 LEAK = 1e12  # Ohm; with 1 F a time constant in s
 
 SPICE = Dialect(
-    functions={"log": "ln", "fabs": "abs", "fmin": "min", "fmax": "max"},
+    # Newton's iteration passes through arguments that the law never has, and ngspice stops at them.
+    functions={
+        "log": "ln(max({}, 1e-300))",
+        "sqrt": "sqrt(max({}, 0.0))",
+        "fabs": "abs({})",
+        "fmin": "min({})",
+        "fmax": "max({})",
+    },
     variable=lambda name: "V(p,n)" if name == "v" else f"V({name})",
     parameter=lambda name: f"{{{name}}}",
 )
-
 
 
 def emit_spice(name: str, header: list[str], law: Law, values: tuple[float, ...]) -> str:

@@ -11,7 +11,7 @@ from ohmloom.devices.laws import Law, Parameter
 
 WIDTH = 110
 
-VERILOG_A = Dialect(functions={"log": "ln", "fabs": "abs", "fmin": "min", "fmax": "max"})
+VERILOG_A = Dialect(functions={"log": "ln({})", "fabs": "abs({})", "fmin": "min({})", "fmax": "max({})"})
 
 
 def emit_verilog_a(name: str, header: list[str], law: Law, values: tuple[float, ...]) -> str:

@@ -68,7 +68,7 @@ class Dialect:
     Attributes
     ----------
     functions
-        Names of functions where they are not those of C.
+        How functions are called, ``{}`` for the arguments, where it is not as in C.
     variable
         ``name -> text`` that reads what changes with time.
     parameter
@@ -252,9 +252,8 @@ class _Writer:
             return f"({x} > 0.0 ? 1.0 : ({x} < 0.0 ? -1.0 : 0.0))", ATOM
         if kind in COMPARISONS or kind in LOGICAL or kind == "NOT":
             return f"({self._logic(step, fixed)} ? 1.0 : 0.0)", ATOM
-        name = FUNCTIONS[kind]
-        name = self.dialect.functions.get(name, name)
-        return f"{name}({', '.join(self._text(k, fixed, 0) for k in arguments)})", ATOM
+        call = self.dialect.functions.get(FUNCTIONS[kind], FUNCTIONS[kind] + "({})")
+        return call.format(", ".join(self._text(k, fixed, 0) for k in arguments)), ATOM
 
     def _text(self, index: int, fixed: bool, least: int) -> str:
         text, level = (self.put_fixed if fixed else self.put)[index]
