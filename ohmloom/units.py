@@ -73,6 +73,10 @@ the right quantity.
                 f"{where}: expected a unit of {base}, such as m{base}, got {shown(text)}, a unit of {other}. "
                 "Check that this is the right quantity."
             )
+    near = find_unit(text, base, any_case=True)
+    if near:  # UA is nearer to uA than to A, whatever the letters say
+        wanted = ", ".join(sorted(known))
+        raise UnknownNameError(f"{where}: expected one of {wanted}, got {shown(text)}. Did you mean {near!r}?")
     raise UnknownNameError.of(where, text, known)
 
 
@@ -82,12 +86,14 @@ def known_units(base: str) -> dict[str, float]:
     return units | _TIMES if base == "s" else units
 
 
-def find_unit(text: str, base: str) -> str | None:
-    """The unit of `base` that `text` spells, or None.
+def find_unit(text: str, base: str, *, any_case: bool = False) -> str | None:
+    """The unit of `base` that `text` spells, or None; with `any_case`, the smallest that it spells but for its case.
 
     >>> find_unit("\u00b5A", "A"), find_unit("kohm", "Ohm"), find_unit("mV", "A")
     ('uA', 'kOhm', None)
     """
     name = text.strip().translate(_SPELLINGS)
     name = f"{name[:-3]}Ohm" if name.endswith("ohm") else name
+    if any_case:
+        return next((unit for unit in known_units(base) if unit.lower() == name.lower()), None)
     return name if name in known_units(base) else None

@@ -119,7 +119,7 @@ def _check_named_unit(where: str, column: str, base: str) -> None:
     if not found:
         return
     text, known = found["bracketed"] or found["bare"], known_units(base)
-    unit = find_unit(text, base) or next((name for name in known if name.lower() == text.lower()), None)
+    unit = find_unit(text, base) or find_unit(text, base, any_case=True)
     if unit is not None:
         if known[unit] != 1.0:
             raise ParameterError(
@@ -140,15 +140,15 @@ def choose_rows(table: Table, rows: tuple[int, int] | None, every: int) -> tuple
     size, where = len(table.body), "Measurement.read_csv"
     start, stop = 0, size
     if rows is not None:
-        try:
-            start, stop = (expect_integer(f"{where}: rows", row) for row in rows)
-        except (TypeError, ValueError) as error:
-            raise ParameterError(f"{where}: rows: expected (start, stop), got {shown(rows)}. "
-                                 "Give two integers.") from error  # fmt: skip
+        if not isinstance(rows, tuple | list) or len(rows) != 2:
+            raise ParameterError(f"{where}: rows: expected (start, stop), got {shown(rows)}. Give two integers.")
+        start, stop = (expect_integer(f"{where}: rows", row) for row in rows)
         if not start < stop <= size:
             raise ParameterError(f"{where}: rows: expected 0 <= start < stop <= {size}, the rows of {table.where}, "
                                  f"got ({start}, {stop}). The first row has number 0.")  # fmt: skip
     every = expect_integer(f"{where}: every", every, low=1)
+    if stop - start < 2:
+        raise FileFormatError(f"{table.where}: expected at least 2 rows of numbers, got 1. Give a whole sweep.")
     if (stop - start) // every < 2:
         raise ParameterError(f"{where}: every: expected at least 2 blocks in {stop - start} rows, got {every} rows "
                              "per block. Lower it.")  # fmt: skip

@@ -53,7 +53,7 @@ class Table:
         places = [self.names.index(name) for name in names]
         values = np.empty((stop - start, len(places)))
         for k, (line, text) in enumerate(self.body[start:stop]):
-            cells = self._cells(line, text)
+            cells = self.cells(line, text)
             try:
                 values[k] = [_number(cells[place]) for place in places]
             except ValueError:
@@ -62,19 +62,17 @@ class Table:
         if not np.isfinite(values).all():
             k, j = np.argwhere(~np.isfinite(values))[0]
             line, text = self.body[start + int(k)]
-            raise self._bad_cell(line, places[j], self._cells(line, text)[places[j]])
+            raise self._bad_cell(line, places[j], self.cells(line, text)[places[j]])
         return values.T
 
-    def line(self, row: int) -> int:
-        """Line number of a data row."""
-        return self.body[row][0]
-
-    def _cells(self, line: int, text: str) -> list[str]:
+    def cells(self, line: int, text: str) -> list[str]:
+        """The fields of a data row, one per name."""
         cells = _split(text, self.delimiter)
         if len(cells) != len(self.names):
+            wanted = f"{len(self.names)} field{'s'[: len(self.names) - 1]} ({', '.join(self.names)})"
             raise FileFormatError(
-                f"{self.where}, line {line}: expected {len(self.names)} fields ({', '.join(self.names)}), "
-                f"got {len(cells)}: {shown(text.strip())}. {self._count_advice(cells)}"
+                f"{self.where}, line {line}: expected {wanted}, got {len(cells)}: {shown(text.strip())}. "
+                f"{self._count_advice(cells)}"
             )
         return cells
 
@@ -121,7 +119,9 @@ def read_table(path: Path | str) -> Table:
         names, body = _names(first, where, kept[0][0]), kept[1:]
     if not body:
         raise FileFormatError(f"{where}: expected rows of numbers below the names, got none. It may be truncated.")
-    return Table(where=where, sha256=sha256(data), names=names, delimiter=delimiter, body=tuple(body))
+    table = Table(where=where, sha256=sha256(data), names=names, delimiter=delimiter, body=tuple(body))
+    table.cells(*body[0])  # before anyone looks for names in what is no header
+    return table
 
 
 def _text(data: bytes, where: str) -> str:

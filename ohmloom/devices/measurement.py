@@ -274,9 +274,7 @@ class Measurement:
                     "Give one value per time."
                 )
         if self.t.size < 2:
-            raise ParameterError(
-                f"Measurement.t: expected at least 2 points, got {self.t.size}. Measure a whole sweep."
-            )
+            raise ParameterError(f"Measurement.t: expected at least 2 points, got {self.t.size}. Give a whole sweep.")
         steps = np.diff(self.t)
         if not (steps > 0).all():
             k = int(np.argmin(steps > 0))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from ohmloom.units import format_quantity
+from ohmloom.errors import ParameterError, UnknownNameError
+from ohmloom.units import find_unit, format_quantity, known_units, parse_unit
 
 
 @pytest.mark.parametrize(("value", "unit", "text"), [
@@ -19,3 +20,36 @@ def test_quantities(value, unit, text):
 
 def test_digits():
     assert format_quantity(1.23456e-3, "s", digits=5) == "1.2346 ms"
+
+
+@pytest.mark.parametrize(("text", "base", "factor"), [
+    ("A", "A", 1.0), ("uA", "A", 1e-6), ("\u00b5A", "A", 1e-6), ("\u03bcA", "A", 1e-6), (" mV ", "V", 1e-3),
+    ("fA", "A", 1e-15), ("pA", "A", 1e-12), ("nA", "A", 1e-9), ("kOhm", "Ohm", 1e3), ("Mohm", "Ohm", 1e6),
+    ("G\u03a9", "Ohm", 1e9), ("k\u2126", "Ohm", 1e3), ("ms", "s", 1e-3), ("min", "s", 60.0), ("h", "s", 3600.0),
+])  # fmt: skip
+def test_units_are_read_as_their_factor_to_si(text, base, factor):
+    assert parse_unit(text, base) == factor
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("uAmp", "unit: expected one of A, GA, MA, fA, kA, mA, nA, pA, uA, got 'uAmp'. Did you mean 'uA'?"),
+    ("UA", "unit: expected one of A, GA, MA, fA, kA, mA, nA, pA, uA, got 'UA'. Did you mean 'uA'?"),
+    ("furlong", "unit: expected one of A, GA, MA, fA, kA, mA, nA, pA, uA, got 'furlong'. Use one of these."),
+    ("mV", "unit: expected a unit of A, such as mA, got 'mV', a unit of V. Check that this is the right quantity."),
+    ("min", "unit: expected a unit of A, such as mA, got 'min', a unit of s. Check that this is the right quantity."),
+])  # fmt: skip
+def test_what_is_no_unit_of_a_current_is_refused(text, message):
+    with pytest.raises(UnknownNameError) as caught:
+        parse_unit(text, "A")
+    assert str(caught.value) == message
+
+
+def test_a_unit_is_a_text():
+    with pytest.raises(ParameterError, match=r"^unit of i: expected str, got 3\. Pass a value of this type\.$"):
+        parse_unit(3, "A", where="unit of i")
+
+
+def test_only_times_are_counted_in_minutes():
+    assert find_unit("min", "V") is None
+    assert known_units("s")["min"] == 60.0
+    assert "min" not in known_units("V")
