@@ -119,6 +119,11 @@ def test_lines_outside_of_the_rows_are_not_read(written):
     assert (read.t.tolist(), read.rows) == ([0.0, 1.0], (1, 3))
 
 
+def test_the_line_of_a_bad_time_counts_from_the_top_of_the_file(written):
+    path = written("t,v,i\n9,0,0\n0,0,0\n1,1,1\n1,2,2\n")
+    assert refusal(path, rows=(1, 4)).startswith("a.csv, line 5, column 't': expected a time above 1, ")
+
+
 def test_blocks_become_their_means_and_a_rest_is_left_out(written):
     path = written("t,v,i\n0,0,0\n1,1,2\n2,4,3\n3,6,5\n4,9,9\n")
     read = Measurement.read_csv(path, every=2)
@@ -193,6 +198,7 @@ def test_a_decimal_comma_without_names_is_told(written):
         "a.csv, line 1, column '1': expected a number with a decimal point, got '0,5'. "
         "Write 0.5, here and in all lines."
     )
+    assert "got '0,5'. Write 0.5" in refusal(written("t;v;i\n0,5;0,1;1,0\n1,0;1,5;1,0\n"))
     assert "got '0,5'. Write 0.5" in refusal(written("0,5 0,1 1,0\n1,0 1,5 1,0\n"), time="1", voltage="2", current="3")
 
 
