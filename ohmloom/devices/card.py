@@ -33,6 +33,14 @@ class CardValue:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DataFile:
+    """A measured file that a card was fitted to: its name and the digest of its bytes."""
+
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Card:
     """A checked card; `values` are in the order in which the law declares its parameters."""
 
@@ -40,6 +48,7 @@ class Card:
     law: str
     source: str
     values: tuple[CardValue, ...]
+    data: tuple[DataFile, ...] = ()
 
 
 def shipped_names() -> list[str]:
@@ -83,7 +92,8 @@ def parse_card(data: bytes, where: str) -> Card:
     )
     if found := _value_problems(law, values, where):
         raise FileFormatError(*found)
-    return Card(name=checked.name, law=law.name, source=checked.source, values=values)
+    files = tuple(DataFile(file=entry.file, sha256=entry.sha256) for entry in checked.data)
+    return Card(name=checked.name, law=law.name, source=checked.source, values=values, data=files)
 
 
 def write_card(card: Card) -> str:
@@ -94,6 +104,8 @@ def write_card(card: Card) -> str:
         lines += ["", f"[parameters.{name}]", f"value = {entry.value!r}", f"source = {_quoted(entry.source)}"]
         if entry.interval is not None:
             lines.append(f"interval = [{entry.interval[0]!r}, {entry.interval[1]!r}]")
+    for used in card.data:
+        lines += ["", "[[data]]", f"file = {_quoted(used.file)}", f"sha256 = {_quoted(used.sha256)}"]
     return "\n".join(lines) + "\n"
 
 
@@ -129,10 +141,16 @@ class _Entry(StrictModel):
     interval: Annotated[list[float], pydantic.Field(min_length=2, max_length=2)] | None = None
 
 
+class _Data(StrictModel):
+    file: _Text
+    sha256: Annotated[str, pydantic.Field(pattern="^[0-9a-f]{64}$")]
+
+
 @cache
 def _model(law_name: str) -> type[pydantic.BaseModel]:
     """The card's model for one law, so that parameter names are checked and hinted at like any other key."""
     fields: dict[str, Any] = dict.fromkeys(LAWS[law_name].parameter_names, (_Entry, ...))
     parameters = pydantic.create_model("Parameters", __base__=StrictModel, **fields)
     top: dict[str, Any] = dict.fromkeys(("name", "law", "source"), (_Text, ...))
-    return pydantic.create_model("Card", __base__=StrictModel, **top, parameters=(parameters, ...))
+    return pydantic.create_model("Card", __base__=StrictModel, **top, parameters=(parameters, ...),
+                                 data=(list[_Data], []))  # fmt: skip

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,12 +24,16 @@ from ohmloom.devices._checks import (
     like_input,
     series,
 )
-from ohmloom.devices.card import Card, CardValue, read_card, shipped_names, write_card
+from ohmloom.devices.card import Card, CardValue, DataFile, read_card, shipped_names, write_card
 from ohmloom.devices.laws import LAWS
 from ohmloom.devices.laws._law import problems
 from ohmloom.devices.trace import Trace
-from ohmloom.errors import ParameterError, UnknownNameError
+from ohmloom.devices.walls import WALLS, Walls
+from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.units import format_quantity
+
+if TYPE_CHECKING:
+    from ohmloom.devices.simulate import Method
 
 # A weight this close, relatively, to the end of its range is that end: R_on/R_off is rounded.
 WEIGHT_SLACK = 1e-12
@@ -48,6 +52,8 @@ class Device:
         The card's name, the law's name (a key of `LAWS`), and where the card comes from.
     values
         One `CardValue` per parameter, in the order in which the law declares them, SI.
+    data
+        Measured files that the values were fitted to, with their digests.
 
     Raises
     ------
@@ -67,6 +73,7 @@ class Device:
     law: str
     source: str
     values: tuple[CardValue, ...]
+    data: tuple[DataFile, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the law's name and its parameters."""
@@ -96,7 +103,7 @@ class Device:
             If the card breaks a rule.
         """
         card = read_card(name_or_path)
-        return cls(name=card.name, law=card.law, source=card.source, values=card.values)
+        return cls(name=card.name, law=card.law, source=card.source, values=card.values, data=card.data)
 
     @staticmethod
     def names() -> list[str]:
@@ -199,8 +206,43 @@ class Device:
             )
         return like_input(np.vectorize(self._invert, otypes=[float])(np.clip(weights, low, 1.0)))
 
-    def simulate(self, voltage: Any, t: Any, *, s0: float) -> Trace:
-        """Drive the device and follow its state from `s0`, with exact `clip` walls.
+    def flux(self, s: Any) -> Any:
+        """The flux phi in Wb, the integral of the voltage, that takes the state from 0 to `s`; ideal laws only.
+
+        >>> device = Device.load("hp_tio2")
+        >>> round(device.state_at_flux(device.flux(0.25)), 12)
+        0.25
+
+        Raises
+        ------
+        ParameterError
+            If `s` is outside [0, 1], or the law has no such flux.
+        """
+        flux, _ = self._ideal("flux")
+        return like_input(flux(self._state("s", s), self._p))
+
+    def state_at_flux(self, phi: Any) -> Any:
+        """The state to which the flux `phi` in Wb, from 0 to ``flux(1)``, takes the device from s = 0; ideal laws only.
+
+        Raises
+        ------
+        ParameterError
+            If `phi` is outside that range, or the law has no such flux.
+        """
+        flux, state_at_flux = self._ideal("state_at_flux")
+        fluxes, largest = finite(f"{self.name}.state_at_flux: phi", phi, "Wb"), float(flux(1.0, self._p))
+        outside = (fluxes < 0.0) | (fluxes > largest * (1.0 + WEIGHT_SLACK))
+        if outside.any():
+            raise ParameterError(
+                f"{self.name}.state_at_flux: phi: expected 0 <= phi <= {largest:.15g} Wb = flux(1), "
+                f"got {fluxes[outside].flat[0]:.15g} Wb. Walls hold the flux in this range."
+            )
+        return like_input(np.clip(state_at_flux(np.minimum(fluxes, largest), self._p), 0.0, 1.0))
+
+    def simulate(
+        self, voltage: Any, t: Any, *, s0: float, walls: Walls = "clip", method: Method = "integrate"
+    ) -> Trace:
+        """Drive the device and follow its state from `s0`.
 
         ``ds/dt = charge_rate(s, v, i)/q_d``, ``i = G(s, v) v``.
 
@@ -213,6 +255,12 @@ class Device:
             Times in s, axes (time,), strictly increasing, at least two.
         s0
             State at ``t[0]``.
+        walls
+            ``"clip"``: the state stops exactly at 0 and 1, and leaves when the drive turns. ``"soft"``: it slows down
+            before them, over 0.02 of the range, and never arrives; see `walls.soften`.
+        method
+            ``"integrate"``, to about 1e-9 of the range, or ``"closed_form"``, to rounding: for ideal laws, sampled
+            voltages and clip walls.
 
         Raises
         ------
@@ -221,27 +269,43 @@ class Device:
         OperationError
             If the integration fails.
         """
-        from ohmloom.devices.simulate import integrate
+        from ohmloom.devices.simulate import METHODS, follow_flux, integrate, sign_changes
 
-        times = series(f"{self.name}.simulate: t", t, "s")
+        where = f"{self.name}.simulate"
+        for field, value, known in (("walls", walls, WALLS), ("method", method, METHODS)):
+            expect_type(f"{where}: {field}", value, str, name="a name")
+            if value not in known:
+                raise UnknownNameError.of(f"{where}: {field}", value, known)
+        times = series(f"{where}: t", t, "s")
         if times.size < 2 or not (np.diff(times) > 0).all():
             raise ParameterError(
-                f"{self.name}.simulate: t: expected at least two times in s, strictly increasing, "
+                f"{where}: t: expected at least two times in s, strictly increasing, "
                 f"got {times.size} with smallest step {np.diff(times).min(initial=math.inf):.6g} s. "
                 "Sort them and drop repeats."
             )
-        check_size(f"{self.name}.simulate: t", times, LARGEST_TIME, "s")
+        check_size(f"{where}: t", times, LARGEST_TIME, "s")
         start = float(self._state("s0", s0, ndim=0))
         drive = self._drive(voltage, times)
-        s = integrate(LAWS[self.law], self._p, drive, times, start)
         v = np.array([drive(time) for time in times.tolist()])
+        law, is_function = LAWS[self.law], callable(voltage)
+        if method == "closed_form":
+            self._ideal("simulate: method", "closed_form needs one")
+            for refused, given in ((is_function, "a function as voltage"), (walls == "soft", "soft walls")):
+                if refused:
+                    raise ParameterError(
+                        f"{where}: method: expected a sampled voltage and clip walls for closed_form, got {given}. "
+                        "Use method='integrate'."
+                    )
+            s = follow_flux(law, self._p, v, times, start)
+        else:
+            s = integrate(law, self._p, drive, times, start, walls, None if is_function else sign_changes(times, v))
         return Trace(
             t=times,
             v=v,
             i=self.conductance(s, v) * v,
             q=s * self.charge_scale,
             s=s,
-            provenance=self._provenance(start),
+            provenance=self._provenance(start, walls, method),
         )
 
     def emit(self, to: str) -> str:
@@ -274,7 +338,8 @@ class Device:
         return tuple(entry.value for entry in self.values)
 
     def _card_text(self) -> str:
-        return write_card(Card(name=self.name, law=self.law, source=self.source, values=self.values))
+        card = Card(name=self.name, law=self.law, source=self.source, values=self.values, data=self.data)
+        return write_card(card)
 
     def _invert(self, w: float) -> float:
         from scipy.optimize import brentq
@@ -310,7 +375,18 @@ class Device:
             )
         return lambda time: float(np.interp(time, t, v))
 
-    def _provenance(self, s0: float) -> str:
+    def _ideal(self, field: str, need: str = "only an ideal one has a flux") -> tuple[Any, Any]:
+        """The law's `flux` and `state_at_flux`."""
+        law = LAWS[self.law]
+        if law.flux is None or law.state_at_flux is None:
+            ideal = ", ".join(name for name, other in LAWS.items() if other.is_ideal)
+            raise ParameterError(
+                f"{self.name}.{field}: expected an ideal law (dq/dt = i, G a function of s alone): {need}, got "
+                f"{self.law}. Use one of {ideal}, or simulate with method='integrate'."
+            )
+        return law.flux, law.state_at_flux
+
+    def _provenance(self, s0: float, walls: str, method: str) -> str:
         from importlib.metadata import version
 
         made = {
@@ -318,8 +394,12 @@ class Device:
             "device": self.name,
             "law": self.law,
             "parameters": self.parameters,
+            "device_sha256": self.sha256,
+            "s0": s0,
+            "walls": walls,
+            "method": method,
         }
-        return json.dumps({**made, "device_sha256": self.sha256, "s0": s0, "walls": "clip"}, sort_keys=True)
+        return json.dumps(made, sort_keys=True)
 
     def _repr_html_(self) -> str:
         units = {parameter.name: parameter.unit for parameter in LAWS[self.law].parameters}

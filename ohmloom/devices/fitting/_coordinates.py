@@ -24,9 +24,9 @@ SMALLEST_RATIO, LARGEST_RATIO = 1.001, 1e7
 class Coordinates:
     """The fitted parameters of a law as coordinates z, and back.
 
-    z is the natural logarithm where the parameter varies on a log scale, else the value. Where r_on and r_off are both
-    fitted, r_off's coordinate is ``ln(r_off/r_on)``, so that a box keeps r_on below r_off. The coordinates of the states
-    at the start of each sweep, themselves in [0, 1], follow those of the parameters.
+    z is the natural logarithm where the parameter varies on a log scale, else the value. Where r_on and r_off are
+    both fitted, r_off's coordinate is ``ln(r_off/r_on)``, so that a box keeps r_on below r_off. The coordinates of
+    the states at the start of each sweep, themselves in [0, 1], follow those of the parameters.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Coordinates:
 
 
 def choose(law: Law, fixed: Mapping[str, float], freed: Sequence[str]) -> Coordinates:
-    """The law's own choice of what is fitted, with `fixed` held and `freed` fitted too (names are known to be right)."""
+    """The law's own choice of what is fitted, with `fixed` held and `freed` fitted too; the names are known."""
     free = tuple(p for p in law.parameters if (p.fitted or p.name in freed) and p.name not in fixed)
     held = {p.name: float(fixed.get(p.name, p.default)) for p in law.parameters if p not in free}
     return Coordinates(law=law, free=free, held=held)

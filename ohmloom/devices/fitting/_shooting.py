@@ -1,9 +1,9 @@
 """Single shooting: from coordinates to the current at every sample, with exact derivatives.
 
-The state is advanced by the exponential Rosenbrock-Euler rule, ``s += h phi1(h J) f`` with ``J = df/ds`` and ``phi1(z) =
-(e^z - 1)/z`` (M. Hochbruck, A. Ostermann, Acta Numerica 19 (2010) 209, eq. 2.36), with the voltage at the middle of each
-substep: A-stable, second order, exact for a linear relaxation. Walls are `clip`. Its derivatives in all coordinates are
-carried along, as CasADi derives them from the law.
+The state is advanced by the exponential Rosenbrock-Euler rule, ``s += h phi1(h J) f`` with ``J = df/ds`` and
+``phi1(z) = (e^z - 1)/z`` (M. Hochbruck, A. Ostermann, Acta Numerica 19 (2010) 209, eq. 2.36), with the voltage at
+the middle of each substep: A-stable, second order, exact for a linear relaxation. Walls are `clip`. Its derivatives
+in all coordinates are carried along, as CasADi derives them from the law.
 """
 
 from __future__ import annotations
@@ -26,16 +26,15 @@ LARGEST_GROWTH = 20.0
 class Shooting:
     """The residual of a law against sweeps: ``(i_model - i) / size`` at each sample, and its Jacobian.
 
-    Coordinates are those of `Coordinates`, followed by one start state per sweep. Sizes are such that the squares of all
-    residuals sum to the mean over the sweeps of the squared relative RMS, where weights are "relative".
+    Coordinates are those of `Coordinates`, followed by one start state per sweep. Sizes are such that the squares of
+    all residuals sum to the mean over the sweeps of the squared relative RMS, where weights are "relative".
     """
 
     def __init__(self, coordinates: Coordinates, sweeps: tuple[Measurement, ...], sizes: tuple[FloatArray, ...],
                  *, substeps: int, follow: bool = False) -> None:  # fmt: skip
         """`follow`: let the measured current and voltage, not the model's own, move the state (charge regression)."""
         self.coordinates, self.sweeps, self.sizes = coordinates, sweeps, sizes
-        self.parameters = len(coordinates.free)
-        self.evaluations = 0
+        self.parameters, self.substeps = len(coordinates.free), substeps
         has_series = any(sweep.series_resistance > 0 for sweep in sweeps)
         held = tuple(sorted(coordinates.held.items()))
         self._steppers = [
@@ -44,9 +43,17 @@ class Shooting:
         ]
         self._inputs = [_inputs(sweep) for sweep in sweeps]
 
+    @property
+    def follows_current(self) -> bool:
+        """Whether the law's state is moved by the current, so that a measured one can move it instead."""
+        import casadi as ca
+
+        law = self.coordinates.law
+        i, p = ca.SX.sym("i"), [parameter.default for parameter in law.parameters]
+        return bool(ca.depends_on(ca.SX(law.charge_rate(ca.SX.sym("s"), ca.SX.sym("v"), i, p)), i))
+
     def residual(self, z: FloatArray) -> FloatArray:
         """Axes (sample of all sweeps,)."""
-        self.evaluations += 1
         return np.concatenate([
             (self.current(z, k) - sweep.i) / size
             for k, (sweep, size) in enumerate(zip(self.sweeps, self.sizes, strict=True))
@@ -87,6 +94,7 @@ def _inputs(sweep: Measurement) -> FloatArray:
 
     The first gap is of length zero, so that every sample is the end of a step.
     """
+
     def before(x: FloatArray) -> FloatArray:
         return np.concatenate([x[:1], x[:-1]])
 

@@ -1,11 +1,13 @@
 """Functions that laws use beside `+ - * / **` and comparisons: for floats, arrays and CasADi symbols alike.
 
 A comparison times a value, ``(x > 0.0) * y``, stands for a choice in all of them, where `y` is finite. The elementary
-functions have a numeric form apart, which is what the compiled kernels use.
+functions have a numeric form apart, which is what the compiled kernels use; floats take the short way through `math`,
+where an overflow or a domain error raises.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -17,31 +19,43 @@ LARGEST_EXPONENT = 200.0
 
 def exp(x: Any) -> Any:
     """e^x."""
+    if type(x) is float:
+        return math.exp(x)
     return x.exp() if hasattr(x, "is_symbolic") else _exp(x)
 
 
 def sinh(x: Any) -> Any:
     """Hyperbolic sine."""
+    if type(x) is float:
+        return math.sinh(x)
     return x.sinh() if hasattr(x, "is_symbolic") else _sinh(x)
 
 
 def log(x: Any) -> Any:
     """Natural logarithm."""
+    if type(x) is float:
+        return math.log(x)
     return x.log() if hasattr(x, "is_symbolic") else _log(x)
 
 
 def sqrt(x: Any) -> Any:
     """Square root."""
+    if type(x) is float:
+        return math.sqrt(x)
     return x.sqrt() if hasattr(x, "is_symbolic") else _sqrt(x)
 
 
 def smaller(x: Any, limit: Any) -> Any:
     """The smaller of a value, which may be a symbol, and a limit."""
+    if type(x) is float and type(limit) is float:
+        return x if x < limit else limit
     return x.fmin(limit) if hasattr(x, "is_symbolic") else _smaller(x, limit)
 
 
 def larger(x: Any, limit: Any) -> Any:
     """The larger of a value, which may be a symbol, and a limit."""
+    if type(x) is float and type(limit) is float:
+        return x if x > limit else limit
     return x.fmax(limit) if hasattr(x, "is_symbolic") else _larger(x, limit)
 
 

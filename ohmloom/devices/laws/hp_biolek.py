@@ -1,8 +1,8 @@
 """HP's TiO2 memristor with Biolek's window: the drift slows towards the wall that it approaches, and only there.
 
-Equation: M as in `hp_linear`; ``dq/dt = i (1 - (s - H(-i))^(2 p))``, H the unit step (Z. Biolek, D. Biolek, V. Biolkova,
-Radioengineering 18 (2009) 210; as eq. 6 of S. Kvatinsky et al., TEAM, IEEE Trans. Circuits Syst. I 60 (2013) 211).
-Positive current, into the first terminal, lowers M.
+Equation: M as in `hp_linear`; ``dq/dt = i (1 - (s - H(-i))^(2 p))``, H the unit step (Z. Biolek, D. Biolek, V.
+Biolkova, Radioengineering 18 (2009) 210; as eq. 6 of S. Kvatinsky et al., TEAM, IEEE Trans. Circuits Syst. I 60
+(2013) 211). Positive current, into the first terminal, lowers M.
 
 Range of validity: low fields; a state at a wall leaves it at once when the current turns.
 """

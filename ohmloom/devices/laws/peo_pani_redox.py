@@ -1,13 +1,13 @@
 """Polyaniline as measured: the state is moved by a redox reaction, not by the total current.
 
-Equation: ``ds/dt = k0 (e^((v - e0)/(2 slope)) (1 - s) - e^(-(v - e0)/(2 slope asymmetry)) s)``, oxidation and reduction of
-Butler and Volmer (A. J. Bard, L. R. Faulkner, Electrochemical Methods, ch. 3), so that the Faradaic current is ``dq/dt =
-q_d ds/dt``; ``G = (1 - mirror) G_linear(s) + mirror G_mirror(s)``, the laws `linear` and `peo_pani_mirror`. Positive
-current, into the first terminal, oxidises the polyaniline once v > e0, and raises G. The port current is ``G v`` alone:
-the Faradaic part is small beside it.
+Equation: ``ds/dt = k0 (e^((v - e0)/(2 slope)) (1 - s) - e^(-(v - e0)/(2 slope asymmetry)) s)``, oxidation and
+reduction of Butler and Volmer (A. J. Bard, L. R. Faulkner, Electrochemical Methods, ch. 3), so that the Faradaic
+current is ``dq/dt = q_d ds/dt``; ``G = (1 - mirror) G_linear(s) + mirror G_mirror(s)``, the laws `linear` and
+`peo_pani_mirror`. Positive current, into the first terminal, oxidises the polyaniline once v > e0, and raises G. The
+port current is ``G v`` alone: the Faradaic part is small beside it.
 
-With ``asymmetry = 1`` the state tends to ``1/(1 + e^(-(v - e0)/slope))`` at the rate ``2 k0 cosh((v - e0)/(2 slope))``. At v
-= 0 it relaxes too: this memristance is volatile.
+With ``asymmetry = 1`` the state tends to ``1/(1 + e^(-(v - e0)/slope))`` at the rate ``2 k0 cosh((v - e0)/(2
+slope))``. At v = 0 it relaxes too: this memristance is volatile.
 
 Range of validity: loops and staircases of single polyaniline devices, to 4-7 %; repeated pulses need a second, slow
 state. q_d moves nothing that can be seen at the port, and its default is the estimate of the card `peo_pani`.

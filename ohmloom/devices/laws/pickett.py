@@ -1,15 +1,15 @@
 """Pickett's model of HP's TiO2 memristor: a tunnel gap whose width is moved by the current.
 
-Equation (M. D. Pickett et al., J. Appl. Phys. 106 (2009) 074508; as fig. 8 and eqs. 9 and 10 of S. Kvatinsky et al., TEAM,
-IEEE Trans. Circuits Syst. I 60 (2013) 211). Switching off, ``dw/dt = f_off sinh(|i|/i_off) exp(-exp((w - a_off)/w_c - |i|
-/b) - w/w_c)``; on, ``dw/dt = -f_on sinh(|i|/i_on) exp(-exp(-(w - a_on)/w_c - |i|/b) - w/w_c)``. The gap conducts by J. G.
-Simmons' formula for a rectangular barrier with image force (J. Appl. Phys. 34 (1963) 1793), in series with r_s. Published,
-positive current switches off; here the terminals are exchanged, so that positive current, into the first terminal,
-narrows the gap, ``s = (w_max - w)/(w_max - w_min)``, and raises G.
+Equation (M. D. Pickett et al., J. Appl. Phys. 106 (2009) 074508; as fig. 8 and eqs. 9 and 10 of S. Kvatinsky et al.,
+TEAM, IEEE Trans. Circuits Syst. I 60 (2013) 211). Switching off, ``dw/dt = f_off sinh(|i|/i_off) exp(-exp((w -
+a_off)/w_c - |i| /b) - w/w_c)``; on, ``dw/dt = -f_on sinh(|i|/i_on) exp(-exp(-(w - a_on)/w_c - |i|/b) - w/w_c)``. The
+gap conducts by J. G. Simmons' formula for a rectangular barrier with image force (J. Appl. Phys. 34 (1963) 1793), in
+series with r_s. Published, positive current switches off; here the terminals are exchanged, so that positive
+current, into the first terminal, narrows the gap, ``s = (w_max - w)/(w_max - w_min)``, and raises G.
 
-Range of validity: a reference generator for gap voltages below the barrier: 0.9 V, less for a gap under 1.2 nm. Beyond,
-the barrier is held where the formula's forward current is largest, and past 0.9 V, as within +-1 mV, the gap conducts as
-a resistor. A width has no charge: q_d = 1 C, nominal.
+Range of validity: a reference generator for gap voltages below the barrier: 0.9 V, less for a gap under 1.2 nm.
+Beyond, the barrier is held where the formula's forward current is largest, and past 0.9 V, as within +-1 mV, the gap
+conducts as a resistor. A width has no charge: q_d = 1 C, nominal.
 """
 
 from __future__ import annotations

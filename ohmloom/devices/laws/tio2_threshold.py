@@ -1,9 +1,10 @@
 """A TiO2-like device as measured: field-enhanced conduction, and a state that moves only beyond a threshold.
 
-Equation: ``G = (1/R_off + (1/R_on - 1/R_off) s) sinh(b v)/(b v)``; ``dq/dt = i theta(v - v_set)`` for v > 0 and ``(q_set
-/q_reset) i theta(-v - v_reset)`` for v < 0, theta a logistic step that opens over 20 mV. Positive current, into the
-first terminal, raises G. The threshold is that of Y. V. Pershin, M. Di Ventra (Phys. Rev. E 79 (2009) 021912) on the
-current instead of the voltage; the sine is that of C. Yakopcic et al. (IEEE Electron Device Lett. 32 (2011) 1436).
+Equation: ``G = (1/R_off + (1/R_on - 1/R_off) s) sinh(b v)/(b v)``; ``dq/dt = i theta(v - v_set)`` for v > 0 and
+``(q_set /q_reset) i theta(-v - v_reset)`` for v < 0, theta a logistic step that opens over 20 mV. Positive current,
+into the first terminal, raises G. The threshold is that of Y. V. Pershin, M. Di Ventra (Phys. Rev. E 79 (2009)
+021912) on the current instead of the voltage; the sine is that of C. Yakopcic et al. (IEEE Electron Device Lett. 32
+(2011) 1436).
 
 Range of validity: measured and simulated TiO2-like loops at one frequency; a threshold stands for an activated process,
 so it moves with the time that a sweep takes.

@@ -1,13 +1,13 @@
 """VTEAM: a threshold on the voltage, and a power of the excess beyond it.
 
-Equation (S. Kvatinsky et al., IEEE Trans. Circuits Syst. II 62 (2015) 786, eqs. 2 and 4): ``ds/dt = k_set (v/v_set - 1)^
-a_set`` for v > v_set, ``-k_reset (-v/v_reset - 1)^a_reset`` for v < -v_reset, else 0; ``M = R_off - (R_off - R_on) s``.
-Published, a positive voltage switches off and w is a width; here the terminals are exchanged, ``s = (w_off - w)/(w_off -
-w_on)``, and rates are per second: ``k_set = -k_on/(w_off - w_on)``, ``v_set = -v_on``, ``k_reset = k_off/(w_off - w_on)``.
-Positive current, into the first terminal, lowers M.
+Equation (S. Kvatinsky et al., IEEE Trans. Circuits Syst. II 62 (2015) 786, eqs. 2 and 4): ``ds/dt = k_set (v/v_set -
+1)^ a_set`` for v > v_set, ``-k_reset (-v/v_reset - 1)^a_reset`` for v < -v_reset, else 0; ``M = R_off - (R_off -
+R_on) s``. Published, a positive voltage switches off and w is a width; here the terminals are exchanged, ``s =
+(w_off - w)/(w_off - w_on)``, and rates are per second: ``k_set = -k_on/(w_off - w_on)``, ``v_set = -v_on``,
+``k_reset = k_off/(w_off - w_on)``. Positive current, into the first terminal, lowers M.
 
-Range of validity: a reference generator, with the defaults of MemTorch (C. Lammie et al., Neurocomputing 485 (2022) 124):
-w_off - w_on = 3 nm, k_on = -10 m/s, k_off = 5e-4 m/s. A width has no charge: q_d = 1 C, nominal.
+Range of validity: a reference generator, with the defaults of MemTorch (C. Lammie et al., Neurocomputing 485 (2022)
+124): w_off - w_on = 3 nm, k_on = -10 m/s, k_off = 5e-4 m/s. A width has no charge: q_d = 1 C, nominal.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Yakopcic's model: sinh conduction, exponential rates beyond a threshold, and motion that fades near the ends.
 
-Equation (C. Yakopcic, T. M. Taha, G. Subramanyam, R. E. Pino, S. Rogers, IEEE Electron Device Lett. 32 (2011) 1436): ``i =
-a1 x sinh(b v)`` for v >= 0, ``a2 x sinh(b v)`` for v < 0; ``dx/dt = g(v) f(x)`` with ``g = Ap (e^v - e^Vp)`` for v > Vp, ``-An
-(e^-v - e^Vn)`` for v < -Vn, else 0; rising, ``f = e^(-alpha_p (x - x_p)) ((x_p - x)/(1 - x_p) + 1)`` for x > x_p, falling,
-``f = e^(alpha_n (x + x_n - 1)) x/(1 - x_n)`` for x < 1 - x_n, else 1. Here ``x = x_min + (1 - x_min) s``: at x = 0 the
-published device is an open circuit. Positive current, into the first terminal, raises G.
+Equation (C. Yakopcic, T. M. Taha, G. Subramanyam, R. E. Pino, S. Rogers, IEEE Electron Device Lett. 32 (2011) 1436):
+``i = a1 x sinh(b v)`` for v >= 0, ``a2 x sinh(b v)`` for v < 0; ``dx/dt = g(v) f(x)`` with ``g = Ap (e^v - e^Vp)``
+for v > Vp, ``-An (e^-v - e^Vn)`` for v < -Vn, else 0; rising, ``f = e^(-alpha_p (x - x_p)) ((x_p - x)/(1 - x_p) +
+1)`` for x > x_p, falling, ``f = e^(alpha_n (x + x_n - 1)) x/(1 - x_n)`` for x < 1 - x_n, else 1. Here ``x = x_min +
+(1 - x_min) s``: at x = 0 the published device is an open circuit. Positive current, into the first terminal, raises
+G.
 
 Range of validity: a reference generator. The defaults are those published for the device of Miao et al. (2011), as in
 the presets of the public repository thomast8/Memristor-Models. q_d = 1 C, nominal.

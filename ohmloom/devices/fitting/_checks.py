@@ -1,0 +1,90 @@
+"""Checks of what a caller passes to a fit, made before any of it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from ohmloom._arrays import FloatArray
+from ohmloom.devices.laws import LAWS, Law
+from ohmloom.devices.measurement import Measurement
+from ohmloom.errors import ParameterError, UnknownNameError, expect_integer, expect_number, expect_type, shown
+
+Weights = Literal["relative", "absolute"] | tuple[float, float]
+
+
+def check_inputs(measurements: Any, holdout: Any, screen: Any, starts: Any,
+                 rng: Any) -> tuple[tuple[Measurement, ...], tuple[Measurement, ...]]:  # fmt: skip
+    """Sweeps and hold-out sweeps as tuples."""
+    sweeps = (measurements,) if isinstance(measurements, Measurement) else _list("fit.measurements", measurements)
+    held_out = (holdout,) if isinstance(holdout, Measurement) else _list("fit.holdout", holdout)
+    if not sweeps:
+        raise ParameterError("fit.measurements: expected at least one Measurement, got none. Read one with read_csv.")
+    names = [sweep.name for sweep in (*sweeps, *held_out)]
+    for name in names:
+        if names.count(name) > 1:
+            raise ParameterError(f"fit.measurements: expected sweeps of different names, got {name!r} twice. "
+                                 "Pass name= to read_csv.")  # fmt: skip
+    expect_integer("fit.screen", screen, 1, 1_000_000)
+    expect_integer("fit.starts", starts, 1, 10_000)
+    expect_type("fit.rng", rng, np.random.Generator)
+    return sweeps, held_out
+
+
+def check_names(law: Any, fixed: Mapping[str, float], free: Sequence[str]) -> Law:
+    """The law, with the names and values of `fixed` and `free` checked against it."""
+    expect_type("fit.law", law, str)
+    if law not in LAWS:
+        raise UnknownNameError.of("fit.law", law, LAWS)
+    chosen = LAWS[law]
+    by_name = {p.name: p for p in chosen.parameters}
+    for name in (*fixed, *free):
+        if name not in by_name:
+            raise UnknownNameError.of("fit.fixed" if name in fixed else "fit.free", shown(name)[1:-1], by_name)
+    for name, value in fixed.items():
+        parameter = by_name[name]
+        number = expect_number(f"fit.fixed: {name}", value, "a finite number in SI units")
+        if not parameter.lower <= number <= parameter.upper:
+            raise ParameterError(
+                f"fit.fixed: {name}: expected {parameter.lower:.6g} to {parameter.upper:.6g} {parameter.unit}, "
+                f"got {number:.6g} {parameter.unit}. Check its unit."
+            )
+        if name in free:
+            raise ParameterError(f"fit.free: expected no name that is fixed too, got {name!r}. Drop one of the two.")
+    if all(p.name in fixed or not (p.fitted or p.name in free) for p in chosen.parameters):
+        raise ParameterError(f"fit.fixed: expected at least one parameter of {law} to fit, got all of them fixed. "
+                             "Free one.")  # fmt: skip
+    return chosen
+
+
+def sizes(sweeps: Sequence[Measurement], weights: Weights) -> tuple[FloatArray, ...]:
+    """What each sample's residual is divided by, so that its squares sum to a squared relative RMS."""
+    if isinstance(weights, str):
+        if weights not in ("relative", "absolute"):
+            raise UnknownNameError.of("fit.weights", weights, ("relative", "absolute"))
+        common = np.sqrt(np.mean(np.concatenate([sweep.i for sweep in sweeps]) ** 2))
+        own = [np.sqrt(np.mean(sweep.i**2)) for sweep in sweeps]
+        used = own if weights == "relative" else [common] * len(sweeps)
+        return tuple(np.full(len(sweep.t), rms * np.sqrt(len(sweep.t) * len(sweeps)))
+                     for sweep, rms in zip(sweeps, used, strict=True))  # fmt: skip
+    if not isinstance(weights, Sequence) or len(weights) != 2:
+        raise ParameterError(f"fit.weights: expected 'relative', 'absolute' or (a, b) for a + b |i|, got "
+                             f"{shown(weights)}. Give two numbers.")  # fmt: skip
+    a, b = (expect_number(f"fit.weights: {name}", value, rule) for name, value, rule in zip(
+        ("a", "b"), weights, ("a number in A", "a number"), strict=True))  # fmt: skip
+    if a <= 0.0 or b < 0.0:
+        raise ParameterError(f"fit.weights: expected a > 0 A and b >= 0 in a + b |i|, got a = {a:.6g} A, b = {b:.6g}. "
+                             "Give the current's absolute and relative uncertainty.")  # fmt: skip
+    deviations = [a + b * np.abs(sweep.i) for sweep in sweeps]
+    total = sum(float(np.sum((sweep.i / d) ** 2)) for sweep, d in zip(sweeps, deviations, strict=True))
+    return tuple(d * np.sqrt(total) for d in deviations)
+
+
+def _list(where: str, values: Any) -> tuple[Measurement, ...]:
+    if isinstance(values, str) or not isinstance(values, Sequence):
+        raise ParameterError(f"{where}: expected Measurements in a list, got {shown(values)}. Read them with read_csv.")
+    for value in values:
+        expect_type(where, value, Measurement)
+    return tuple(values)
