@@ -1,7 +1,8 @@
 """One memristor: laws, device cards, simulation, measurements, fitting.
 
-A law (`LAWS`) is a pair of small functions; a card gives it parameters with their sources; a `Device` is a
-card that can be asked and driven; `fit` makes one from a `Measurement`. Current counts positive into the first terminal; all quantities are SI.
+A law (`LAWS`) is a pair of small functions; a card gives it parameters with their sources; a `Device` is a card that
+can be asked and driven; `fit` makes one from a `Measurement`. Current counts positive into the first terminal; all
+quantities are SI.
 """
 
 from __future__ import annotations

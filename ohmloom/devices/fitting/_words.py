@@ -91,11 +91,13 @@ def _data(fit: Fit) -> Iterator[str]:
     for sweep in (*fit.sweeps, *fit.holdout):
         if sweep.zero_offset is not None and abs(sweep.zero_offset) > LARGE_OFFSET:
             yield (f"{sweep.name} is not pinched: at v = 0 its current is {sweep.zero_offset:+.1%} of the largest "
-                   "(capacitance, an electrochemical voltage, or an instrument's offset), which no law has.")  # fmt: skip
+                   "(capacitance, an electrochemical voltage, or an instrument's offset), which no "
+                   "law has.")  # fmt: skip
     if not fit.holdout and len(fit.sweeps) == 1:
         yield ("Fitted to one sweep, and nothing held out: at another frequency or amplitude the error can be ten "
                "times larger. Hold out a second sweep.")  # fmt: skip
     for sweep in fit.holdout:
         if sweep.relative_rms > POOR_HOLDOUT * fit.relative_rms:
             yield (f"{sweep.name}, held out, is predicted {sweep.relative_rms / fit.relative_rms:.1f} times worse than "
-                   f"the fit ({sweep.relative_rms:.3f} against {fit.relative_rms:.3f}): it does not carry over.")  # fmt: skip
+                   f"the fit ({sweep.relative_rms:.3f} against {fit.relative_rms:.3f}): it does not "
+                   "carry over.")  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ohmloom.devices.laws._functions import larger, logistic
-from ohmloom.devices.laws._law import Parameter, Parameters, Value
+from ohmloom.devices.laws._law import Parameter, Value
 
 R_ON = Parameter(
     name="r_on", unit="Ohm", default=100.0, lower=1e-3, upper=1e12, scale="log", doc="memristance at s = 1"
@@ -70,7 +70,7 @@ OPENING = 0.02  # V
 
 
 def thresholded(v: Value, i: Value, v_set: Value, v_reset: Value, q_set: Value, q_reset: Value) -> Value:
-    """dq/dt = i theta(v - v_set) for v > 0, (q_set/q_reset) i theta(-v - v_reset) for v < 0; theta opens over OPENING."""
+    """dq/dt = i theta(v - v_set) for v > 0, (q_set/q_reset) i theta(-v - v_reset) for v < 0, theta a logistic step."""
     rising = (v > 0.0) * i * logistic((v - v_set) / OPENING)
     falling = (v < 0.0) * i * logistic((-v - v_reset) / OPENING)
     return rising + falling * q_set / q_reset

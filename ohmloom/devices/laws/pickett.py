@@ -33,8 +33,8 @@ def conductance(s: Value, v: Value, p: Parameters) -> Value:
     """G of gap and series resistor, the gap's voltage found by Newton's rule."""
     w = _width(s, p)
     size = abs(v)
-    # Past the largest gap voltage the gap is a resistor. Below, its current is convex, so Newton's rule falls to the root
-    # from anything above it: the share that its low-field conductance would leave to the gap.
+    # Past the largest gap voltage the gap is a resistor. Below, its current is convex, so Newton's rule falls to the
+    # root from anything above it: the share that its low-field conductance would leave to the gap.
     ohmic = size / (1.0 + p[8] * _gap_conductance(w, LARGEST_GAP_VOLTAGE, p))
     u = smaller(size / (1.0 + p[8] * _gap_conductance(w, 0.0, p)), LARGEST_GAP_VOLTAGE)
     for _ in range(ROUNDS):
