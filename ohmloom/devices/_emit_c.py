@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ohmloom.devices._symbolic import Dialect, trace, write
+from ohmloom.devices._symbolic import Dialect, trace, wrapped, write
 from ohmloom.devices.laws import Law
 
 C = Dialect(functions={})
@@ -68,7 +68,7 @@ def _function(law: Law, name: str, wanted: str, arguments: tuple[str, ...]) -> l
         "{",
         *(f"    (void){argument};" for argument in unused),
         *read,
-        *(f"    const double {step.name} = {step.text};" for step in steps),
-        f"    return {result.text};",
+        *(wrapped(f"const double {step.name} = {step.text};", 4) for step in steps),
+        wrapped(f"return {result.text};", 4),
         "}",
     ]

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import textwrap
 
-from ohmloom.devices._symbolic import Dialect, trace, write
+from ohmloom.devices._symbolic import WIDTH, Dialect, trace, write
 from ohmloom.devices.laws import Law
 
-WIDTH = 110
 # Share of the state's range over which an outward rate fades at a wall: a hard stop has no derivative for Newton's
 # iteration.
 WALL = 1e-6

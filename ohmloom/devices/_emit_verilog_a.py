@@ -6,10 +6,8 @@ import math
 import textwrap
 
 from ohmloom.devices._emit_spice import OVERSHOOT, WALL
-from ohmloom.devices._symbolic import Dialect, trace, write
+from ohmloom.devices._symbolic import WIDTH, Dialect, trace, wrapped, write
 from ohmloom.devices.laws import Law, Parameter
-
-WIDTH = 110
 
 VERILOG_A = Dialect(functions={"log": "ln({})", "fabs": "abs({})", "fmin": "min({})", "fmax": "max({})"})
 
@@ -38,7 +36,7 @@ def emit_verilog_a(name: str, header: list[str], law: Law, values: tuple[float, 
         "    analog begin",
         "        s = min(max(V(x), 0.0), 1.0);",
         "        v = V(p, n);",
-        *(_statement(f"{step.name} = {step.text};") for step in steps),
+        *(wrapped(f"{step.name} = {step.text};", 8) for step in steps),
         "        q = s * charge_scale;",
         f"        // An outward rate fades to 0 over the last {WALL!r} of s.",
         "        inward = rate > 0.0 ? 1.0 - V(x) : V(x);",
@@ -70,10 +68,3 @@ def _declared(names: list[str]) -> list[str]:
         return []
     indent = "    "
     return textwrap.wrap(f"real {', '.join(names)};", WIDTH, initial_indent=indent, subsequent_indent=indent * 2)
-
-
-def _statement(text: str) -> str:
-    indent = " " * 8
-    pieces = textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "    ",
-                           break_long_words=False, break_on_hyphens=False)  # fmt: skip
-    return "\n".join(pieces)

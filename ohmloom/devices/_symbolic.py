@@ -7,6 +7,7 @@ that a person could have written: what is used once, or is as short as a name, s
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -17,6 +18,7 @@ from ohmloom.errors import OperationError
 
 # Longest expression that is written in place of a name, in characters.
 INLINE_LENGTH = 88
+WIDTH = 110  # of emitted lines
 
 INFIX = {"ADD": ("+", 4), "SUB": ("-", 4), "MUL": ("*", 5), "DIV": ("/", 5)}
 COMPARISONS = {"LT": "<", "LE": "<=", "EQ": "==", "NE": "!="}
@@ -113,6 +115,20 @@ def trace(law: Law, *wanted: str) -> Program:
 def write(program: Program, dialect: Dialect) -> list[Assignment]:
     """`program` as assignments in `dialect`, temporaries named t0, t1, ... and each output under its own name."""
     return _Writer(program, dialect).assignments
+
+
+def wrapped(statement: str, indent: int) -> str:
+    """A statement on as many lines as it needs, where line ends mean nothing."""
+    first, further = " " * indent, " " * (indent + 4)
+    pieces = textwrap.wrap(
+        statement,
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=further,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return "\n".join(pieces)
 
 
 @cache

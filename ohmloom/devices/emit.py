@@ -12,13 +12,12 @@ from ohmloom.devices._emit_c import emit_c
 from ohmloom.devices._emit_spice import emit_spice
 from ohmloom.devices._emit_verilog_a import emit_verilog_a
 from ohmloom.devices._reserved import RESERVED
+from ohmloom.devices._symbolic import WIDTH
 from ohmloom.devices.laws import LAWS, Law
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 
 if TYPE_CHECKING:
     from ohmloom.devices.device import Device
-
-WIDTH = 110
 
 DIALECTS: dict[str, Callable[[str, list[str], Law, tuple[float, ...]], str]] = {
     "c": emit_c,

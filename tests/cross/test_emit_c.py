@@ -20,7 +20,7 @@ RELATIVE = 1e-12
 CANCELLED = 4e-15
 # Largest voltage, and decades by which parameters differ from their defaults. Outside its range of validity Pickett's
 # iteration does not settle, and magnifies a last bit at will.
-REACH = {"pickett": (0.5, 0.15)}
+REACH = {"pickett": (0.5, 0.05)}
 USUAL_REACH = (2.0, 1.0)
 NUMBER, ARRAY = ctypes.c_double, ctypes.POINTER(ctypes.c_double)
 ARGUMENTS = {"conductance": 2, "current": 2, "charge_rate": 3, "charge_scale": 0, "state_rate": 2}
