@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 
-from ohmloom.errors import UnknownNameError, expect_type, shown
+from ohmloom.errors import ParameterError, UnknownNameError, expect_type, shown
 
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 UNSCALED = frozenset({"", "1", "events", "pulses", "dies", "trials", "%"})
 BASES = ("s", "V", "A", "Ohm", "S", "C", "Hz", "F", "W", "J")
 _TIMES = {"min": 60.0, "h": 3600.0}
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 # Both signs that print as micro and as ohm, and the lower-case ohm.
 _SPELLINGS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u03a9": "Ohm", "\u2126": "Ohm"})
 
@@ -34,6 +36,54 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     exponent = min(max(3 * math.floor(math.log10(abs(rounded)) / 3), -15), 9)
     scaled = rounded / 10.0**exponent
     return f"{scaled:.{digits}g} {_PREFIXES[exponent]}{unit}"
+
+
+def axis_unit(largest: float, unit: str) -> tuple[float, str]:
+    """Factor from SI to the unit in which `largest` reads as a number from 0.2 to 200, and that unit.
+
+    >>> axis_unit(0.00015, "A"), axis_unit(0.8, "V"), axis_unit(3.0, "1/V")
+    ((1000000.0, 'uA'), (1.0, 'V'), (1.0, '1/V'))
+    """
+    if unit not in BASES or not math.isfinite(largest) or largest == 0.0:
+        return 1.0, unit
+    exponent = min(max(3 * math.floor((math.log10(abs(largest)) - math.log10(0.2)) / 3), -15), 9)
+    return float(f"1e{-exponent}"), f"{_PREFIXES[exponent]}{unit}"
+
+
+def parse_quantity(text: str, base: str, *, where: str = "quantity") -> float:
+    """A number with or without its unit, in the SI unit `base`; a prefix may stand alone.
+
+    >>> parse_quantity("5k", "Ohm"), parse_quantity("5 kOhm", "Ohm"), parse_quantity("2min", "s")
+    (5000.0, 5000.0, 120.0)
+    >>> parse_quantity("5 kV", "Ohm")
+    Traceback (most recent call last):
+    ohmloom.errors.UnknownNameError: quantity: expected a unit of Ohm, such as mOhm, got 'kV', a unit of V. Check that \
+this is the right quantity.
+
+    Raises
+    ------
+    ParameterError
+        If `text` does not begin with a number, or is not finite.
+    UnknownNameError
+        If what follows the number is no unit of `base`.
+    """
+    found = _NUMBER.fullmatch(text)
+    number = float(found[1]) if found else math.nan
+    if found is None or not math.isfinite(number):
+        example = f", such as 5 or 5k{base}" if base in BASES else ""
+        rule = f"a number in {base}{example}" if base not in UNSCALED else "a number"
+        raise ParameterError(f"{where}: expected {rule}, got {shown(text)}. Correct it.")
+    unit = found[2]
+    if unit in ("", base):
+        return number
+    if base not in BASES:
+        rule = f"a number in {base}" if base not in UNSCALED else "a number without a unit"
+        raise ParameterError(f"{where}: expected {rule}, got {shown(text)}. Leave {shown(unit)} out.")
+    if find_unit(unit, base) is None and unit in _PREFIXES.values():
+        unit += base
+    # Both as decimal text, so that 5k is the float that 5000 is.
+    factor = parse_unit(unit, base, where=where)
+    return number / round(1.0 / factor) if factor < 1.0 else number * factor
 
 
 def parse_unit(text: str, base: str, *, where: str = "unit") -> float:

@@ -99,10 +99,12 @@ class Coordinates:
         values = self.nominal(features)
         for parameter in self.free:
             spread = rng.uniform(-1.0, 1.0)
+            if parameter.scale == "linear" and parameter.unit == "V" and parameter.lower >= 0.0:
+                spread = abs(spread)
             if parameter.scale == "log":
                 values[parameter.name] *= 10.0 ** (START_DECADES * spread)
             elif parameter.unit == "V":
-                values[parameter.name] = features.voltage * spread
+                values[parameter.name] = max(features.voltage * spread, parameter.lower)
             else:
                 middle = 0.5 * (parameter.lower + parameter.upper)
                 values[parameter.name] = middle + 0.5 * (parameter.upper - parameter.lower) * spread

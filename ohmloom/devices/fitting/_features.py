@@ -50,7 +50,7 @@ class Features:
             return 1.0 / (self.g_high if parameter.name == "r_on" else self.g_low)
         by_unit = {
             "C": self.charge,
-            "V": 0.25 * self.voltage if parameter.scale == "log" else 0.5 * self.voltage,
+            "V": 0.5 * self.voltage if parameter.lower < 0.0 else 0.25 * self.voltage,
             "1/V": 2.0 / self.voltage,
             "1/s": 5.0 / self.duration,
             # Where beta sets the charge scale, q_d = (r_off - r_on)/(r_off r_on beta).

@@ -16,10 +16,10 @@ AT_BOUND = 1e-3
 # Relative size of a column of the Jacobian, or of a singular value, under which the data say nothing of it.
 BLIND = 1e-9
 SMALLEST_FREEDOM = 5.0
-PROFILE_POINTS, PROFILE_EVALUATIONS = 24, 20
+PROFILE_POINTS, PROFILE_EVALUATIONS = 40, 60
 PROFILE_STEP = 0.5
 # The profile's steps aim at this change of the statistic, whose 95 % limit is about 2.
-SMALLEST_STEP, LARGEST_STEP = 1e-4, 3.0
+SMALLEST_STEP, LARGEST_STEP = 1e-4, 0.7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +165,7 @@ def _walk(problem: Problem, z: FloatArray, direction: FloatArray, middle: float,
             ceiling**2 - best**2
         )
         at, error, here = ahead, reached, there
-        step = min(step * (2.0 if rise < 0.2 else 1.0 if rise < 0.5 else 0.5), 1e6)
+        step = min(step * (2.0 if rise < 0.2 else 1.0 if rise < 0.5 else 0.5), LARGEST_STEP)
     return points, limit, True
 
 

@@ -10,6 +10,9 @@ from typing import Any, Literal
 Value = Any
 Parameters = Any
 
+# Pairs of parameters, in whichever law has both, of which the first is the smaller.
+ORDERED = (("r_on", "r_off"), ("w_min", "w_max"))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
@@ -86,7 +89,10 @@ def problems(law: Law, values: Sequence[float]) -> list[tuple[str, str]]:
             rule = f"expected {low:.15g} <= {name} <= {high:.15g} {unit}, got {value:.15g} {unit}."
             found.append((name, f"{rule} {'Raise' if value < low else 'Lower'} it; check its unit."))
     named = dict(zip(law.parameter_names, values, strict=True))
-    if not found and {"r_on", "r_off"} <= named.keys() and named["r_on"] >= named["r_off"]:
-        rule = f"expected 0 < r_on < r_off = {named['r_off']:.15g} Ohm, got {named['r_on']:.15g} Ohm."
-        found.append(("r_on", f"{rule} Lower r_on or raise r_off."))
+    for low_name, high_name in ORDERED:
+        if not found and {low_name, high_name} <= named.keys() and named[low_name] >= named[high_name]:
+            unit = law.parameters[law.parameter_names.index(low_name)].unit
+            rule = f"expected 0 < {low_name} < {high_name} = {named[high_name]:.15g} {unit}, "
+            advice = f"Lower {low_name} or raise {high_name}."
+            found.append((low_name, f"{rule}got {named[low_name]:.15g} {unit}. {advice}"))
     return found

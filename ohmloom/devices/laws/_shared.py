@@ -33,7 +33,7 @@ EXPONENT = Parameter(
     name="exponent", unit="1", default=1.0, lower=0.1, upper=100.0, scale="log", doc="the window's exponent p"
 )
 V_SET = Parameter(
-    name="v_set", unit="V", default=0.2, lower=1e-4, upper=100.0, scale="log", doc="voltage above which s rises"
+    name="v_set", unit="V", default=0.2, lower=1e-4, upper=100.0, scale="linear", doc="voltage above which s rises"
 )
 V_RESET = Parameter(
     name="v_reset",
@@ -41,7 +41,7 @@ V_RESET = Parameter(
     default=0.1,
     lower=1e-4,
     upper=100.0,
-    scale="log",
+    scale="linear",
     doc="size of the negative voltage below which s falls",
 )
 Q_SET = Parameter(

@@ -35,14 +35,15 @@ def conductance(s: Value, v: Value, p: Parameters) -> Value:
     size = abs(v)
     # Past the largest gap voltage the gap is a resistor. Below, its current is convex, so Newton's rule falls to the
     # root from anything above it: the share that its low-field conductance would leave to the gap.
-    ohmic = size / (1.0 + p[8] * _gap_conductance(w, LARGEST_GAP_VOLTAGE, p))
-    u = smaller(size / (1.0 + p[8] * _gap_conductance(w, 0.0, p)), LARGEST_GAP_VOLTAGE)
+    largest = _largest_voltage(w, p)
+    ohmic = size / (1.0 + p[8] * _gap_conductance(w, largest, p))
+    u = smaller(size / (1.0 + p[8] * _gap_conductance(w, 0.0, p)), largest)
     for _ in range(ROUNDS):
         step = DIFFERENCE * (u + SMALLEST_GAP_VOLTAGE)
         excess = u + p[8] * u * _gap_conductance(w, u, p) - size
         before = u - step + p[8] * (u - step) * _gap_conductance(w, u - step, p) - size
         u = larger(u - excess * step / (excess - before), 0.0)
-    is_ohmic = ohmic >= LARGEST_GAP_VOLTAGE
+    is_ohmic = ohmic >= largest
     u = is_ohmic * ohmic + (1.0 - is_ohmic) * u
     g = _gap_conductance(w, u, p)
     return g / (1.0 + p[8] * g)
@@ -66,10 +67,20 @@ def _width(s: Value, p: Parameters) -> Value:
     return p[13] - (p[13] - p[12]) * s
 
 
+def _image(w: Value, p: Parameters) -> Value:
+    """lambda, the voltage of the image force."""
+    return IMAGE_FORCE / (p[11] * w)
+
+
+def _largest_voltage(w: Value, p: Parameters) -> Value:
+    """Beyond it the formula's barrier would lose most of its thickness: 9.2 lambda/(3 phi_0 + 4 lambda - 2 u) <= 0.8."""
+    return smaller(1.5 * p[9] - 3.75 * _image(w, p), LARGEST_GAP_VOLTAGE)
+
+
 def _gap_conductance(w: Value, u: Value, p: Parameters) -> Value:
     """Simmons' current over the gap's voltage `u` >= 0, for a gap of width `w`."""
-    held = smaller(larger(u, SMALLEST_GAP_VOLTAGE), LARGEST_GAP_VOLTAGE)
-    image = IMAGE_FORCE / (p[11] * w)
+    held = smaller(larger(u, SMALLEST_GAP_VOLTAGE), _largest_voltage(w, p))
+    image = _image(w, p)
     w1 = 1.2 * image * w / p[9]
     w2 = w1 + w * (1.0 - 9.2 * image / (3.0 * p[9] + 4.0 * image - 2.0 * held))
     thickness = w2 - w1
