@@ -73,7 +73,7 @@ def _image(w: Value, p: Parameters) -> Value:
 
 
 def _largest_voltage(w: Value, p: Parameters) -> Value:
-    """Beyond it the formula's barrier would lose most of its thickness: 9.2 lambda/(3 phi_0 + 4 lambda - 2 u) <= 0.8."""
+    """Where the formula's barrier has lost most of its thickness: 9.2 lambda/(3 phi_0 + 4 lambda - 2 u) = 0.8."""
     return smaller(1.5 * p[9] - 3.75 * _image(w, p), LARGEST_GAP_VOLTAGE)
 
 
