@@ -46,7 +46,8 @@ def axis_unit(largest: float, unit: str) -> tuple[float, str]:
     """
     if unit not in BASES or not math.isfinite(largest) or largest == 0.0:
         return 1.0, unit
-    exponent = min(max(3 * math.floor((math.log10(abs(largest)) - math.log10(0.2)) / 3), -15), 9)
+    most = 0 if unit == "s" else 9  # nobody counts in kiloseconds
+    exponent = min(max(3 * math.floor((math.log10(abs(largest)) - math.log10(0.2)) / 3), -15), most)
     return float(f"1e{-exponent}"), f"{_PREFIXES[exponent]}{unit}"
 
 
