@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,8 +18,12 @@ def say(text: str) -> None:
 
 
 @contextmanager
-def bars(names: dict[int, str], total: int) -> Iterator[Any]:
-    """One progress bar per name on a terminal, else a line per fifth of the way; both on stderr."""
+def bars(names: dict[int, str], total: int, *, patience: float = 0.0) -> Iterator[Any]:
+    """One progress bar per name on a terminal, else a line per fifth of the way; both on stderr.
+
+    Yields a function of key, steps done, a note, and another total if it is known by then. With `patience`, nothing is
+    shown to a file before so many seconds.
+    """
     if sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -27,15 +32,17 @@ def bars(names: dict[int, str], total: int) -> Iterator[Any]:
                    TimeRemainingColumn(), TextColumn("{task.fields[note]}"))  # fmt: skip
         with Progress(*columns, console=Console(stderr=True)) as progress:
             bars = {key: progress.add_task(name, total=total, note="") for key, name in names.items()}
-            yield lambda key, done, note: progress.update(bars[key], completed=done, note=note)
+            yield lambda key, done, note, total=None: progress.update(bars[key], completed=done, note=note, total=total)
         return
     shown: dict[int, int] = {}
+    begin = time.monotonic()
 
-    def line(key: int, done: int, note: str) -> None:
-        fifth = 5 * done // max(total, 1)
-        if fifth > shown.get(key, 0) or done == total:
+    def line(key: int, done: int, note: str, whole: int | None = None) -> None:
+        of = total if whole is None else whole
+        fifth = 5 * done // max(of, 1)
+        if (fifth > shown.get(key, 0) or done == of) and time.monotonic() - begin >= patience:
             shown[key] = fifth
-            say(f"{names[key]}: {done} of {total}{', ' if note else ''}{note}")
+            say(f"{names[key]}: {done} of {of}{', ' if note else ''}{note}")
 
     yield line
 

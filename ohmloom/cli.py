@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 import typer
 
 from ohmloom import __version__
+from ohmloom._cli_device import app as device_app
 from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
 
@@ -26,7 +27,6 @@ app = typer.Typer(
     name="ohmloom", no_args_is_help=True, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
     help="Can this evolved spiking controller be built out of real memristors, and will it still do its job?",
 )  # fmt: skip
-device_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Device cards: what one memristor does.")
 app.add_typer(device_app, name="device")
 
 INTERRUPTED = 130
@@ -275,39 +275,6 @@ def doctor(json_: JsonOption = False) -> None:
             print(f"{mark:7}{finding.name:18}{finding.detail}")
         print("the core works" if works else "the core does not work")
     raise typer.Exit(0 if works else 1)
-
-
-@device_app.command("list")
-def device_list(json_: JsonOption = False) -> None:
-    """List the shipped device cards."""
-    from ohmloom.devices import Device
-
-    devices = [Device.load(name) for name in Device.names()]
-    if json_:
-        _print_json([{"name": d.name, "law": d.law, "parameters": d.parameters} for d in devices])
-        return
-    for d in devices:
-        print(f"{d.name:16}{d.law:18}" + ", ".join(f"{k} = {v:g}" for k, v in d.parameters.items()))
-
-
-@device_app.command("show")
-def device_show(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Shipped card, or a TOML file.")],
-    json_: JsonOption = False,
-) -> None:
-    """Show one card: law, parameters in SI, and where each value comes from."""
-    from ohmloom.devices import LAWS, Device
-
-    d = Device.load(name)
-    units = {p.name: p.unit for p in LAWS[d.law].parameters}
-    if json_:
-        _print_json({"name": d.name, "law": d.law, "charge_scale": d.charge_scale, "sha256": d.sha256,
-                     "parameters": {k: {"value": v, "unit": units[k], "source": d.sources[k]}
-                                    for k, v in d.parameters.items()}})  # fmt: skip
-        return
-    print(f"{d.name}: law {d.law}, charge scale q_d = {d.charge_scale:g} C")
-    for key, value in d.parameters.items():
-        print(f"  {key} = {value:g} {units[key]}  ({d.sources[key]})")
 
 
 def _print_json(table: Any) -> None:

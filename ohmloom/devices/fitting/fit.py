@@ -68,7 +68,8 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
     name
         Name of the fitted device; by default the law's and the first sweep's.
     report
-        Called after each start with (solved, number of starts, best relative RMS so far).
+        Called with (0, starts, inf) once all is checked, and after each start with (solved, number of starts, best
+        relative RMS so far).
 
     Raises
     ------
@@ -99,6 +100,8 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
                 "weights": weights if isinstance(weights, str) else list(weights)}  # fmt: skip
 
     problem = _problem(coordinates, sweeps, scale, SUBSTEPS)
+    if report is not None:
+        report(0, starts, math.inf)
     z, tried = search(problem, screen=screen, starts=starts, rng=rng, report=report)
     if not tried:
         raise OperationError(
