@@ -123,7 +123,8 @@ def device_simulate(
         turned = np.abs((phase + 0.75) % 1.0 - 0.5)
         t, v = phase / rate, peak * (np.sin(2 * np.pi * phase) if waveform == "sine" else 4.0 * turned - 1.0)
         begin = (periods - 1) * points
-    trace = Device.load(name).simulate(v, t, s0=s0, walls=walls)
+    device = Device.load(name)
+    trace = device.simulate(v, t, s0=s0, walls=walls)
     if out is not None:
         save_trace(trace, out)
     above, below = (_lobe_area(sign * trace.v[begin:], sign * trace.i[begin:]) for sign in (1.0, -1.0))
@@ -134,7 +135,7 @@ def device_simulate(
         return
     which = "the drive" if drive is not None else "the last period"
     low, high = _range(trace)
-    print(f"{name}: {trace.t.size} points, largest current {format_quantity(float(np.abs(trace.i).max()), 'A')}")
+    print(f"{device.name}: {trace.t.size} points, largest current {format_quantity(float(np.abs(trace.i).max()), 'A')}")
     print(f"  lobe areas of {which}: {format_quantity(above, 'W')} at v > 0, {format_quantity(below, 'W')} at v < 0")
     print(f"  s from {low:.4g} to {high:.4g}, at the end {trace.s[-1]:.4g}")
     if out is not None:
