@@ -34,6 +34,12 @@ ROUNDS = 12
 # A rate that agrees to this, relative to the largest in the step, has converged.
 SETTLED = 4e-16
 
+# The same for Newton's rule, whose rates are known to the rounding of s times its slope.
+RELAXED = 1e-12
+SHIFT = 1e-6
+# Roughness of s that always passes: the step itself, of order 6, is far better.
+LOOSE = 1e-11
+
 # A change of s too small to matter to anything.
 STILL = 1e-18
 
@@ -114,14 +120,46 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
     """Make ``(law_index, s, p, q_d, drive, span) -> (s_new, integral of h)`` for ``(f, h) = slopes(s)``."""
 
     @closure_kernel(tag)
-    def step(
+    def relax(
         law_index: int, s: float, p: Any, q_d: float, drive: float, span: float, f: float
-    ) -> tuple[float, float, float, bool]:
-        """One collocation step: (change of s, integral of h, h in the middle, whether it settled)."""
+    ) -> tuple[float, float, float, float, float, float, bool]:
+        """The stages by simplified Newton iteration, its slope df/ds from a difference: rates, integrands, settled."""
+        shift = SHIFT if s < 0.5 else -SHIFT
+        z = span * (slopes(law_index, s + shift, p, q_d, drive)[0] - f) / shift
+        f1 = f2 = f3 = f / (1.0 - 0.5 * z) if z < 0.0 else f
+        y1 = y2 = y3 = 0.0
+        # Minors of I - z A.
+        m11, m12, m13 = 1.0 - z * A11, -z * A12, -z * A13
+        m21, m22, m23 = -z * A21, 1.0 - z * A22, -z * A23
+        m31, m32, m33 = -z * A31, -z * A32, 1.0 - z * A33
+        c11, c12, c13 = m22 * m33 - m23 * m32, m23 * m31 - m21 * m33, m21 * m32 - m22 * m31
+        determinant = m11 * c11 + m12 * c12 + m13 * c13
+        for _ in range(ROUNDS):
+            s1 = min(max(s + span * (A11 * f1 + A12 * f2 + A13 * f3), 0.0), 1.0)
+            s2 = min(max(s + span * (A21 * f1 + A22 * f2 + A23 * f3), 0.0), 1.0)
+            s3 = min(max(s + span * (A31 * f1 + A32 * f2 + A33 * f3), 0.0), 1.0)
+            g1, y1 = slopes(law_index, s1, p, q_d, drive)
+            g2, y2 = slopes(law_index, s2, p, q_d, drive)
+            g3, y3 = slopes(law_index, s3, p, q_d, drive)
+            r1, r2, r3 = g1 - f1, g2 - f2, g3 - f3
+            d1 = (c11 * r1 + (m13 * m32 - m12 * m33) * r2 + (m12 * m23 - m13 * m22) * r3) / determinant
+            d2 = (c12 * r1 + (m11 * m33 - m13 * m31) * r2 + (m13 * m21 - m11 * m23) * r3) / determinant
+            d3 = (c13 * r1 + (m12 * m31 - m11 * m32) * r2 + (m11 * m22 - m12 * m21) * r3) / determinant
+            f1, f2, f3 = f1 + d1, f2 + d2, f3 + d3
+            moved = max(abs(d1), abs(d2), abs(d3))
+            if moved <= RELAXED * max(abs(f), abs(f1), abs(f3)) or moved * span <= STILL:
+                return f1, f2, f3, y1, y2, y3, True
+        return f1, f2, f3, y1, y2, y3, False
+
+    @closure_kernel(tag)
+    def step(
+        law_index: int, s: float, p: Any, q_d: float, drive: float, span: float, f: float, is_stiff: bool
+    ) -> tuple[float, float, float, float, bool, bool]:
+        """One collocation step: (change of s, integral of h, f and h in the middle, whether it settled, is stiff)."""
         f1 = f2 = f3 = f
         y1 = y2 = y3 = 0.0
         settled = False
-        for _ in range(ROUNDS):
+        for _ in range(0 if is_stiff else ROUNDS):
             s1 = min(max(s + span * (A11 * f1 + A12 * f2 + A13 * f3), 0.0), 1.0)
             s2 = min(max(s + span * (A21 * f1 + A22 * f2 + A23 * f3), 0.0), 1.0)
             s3 = min(max(s + span * (A31 * f1 + A32 * f2 + A33 * f3), 0.0), 1.0)
@@ -133,12 +171,18 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
             f1, f2, f3 = g1, g2, g3
             if settled:
                 break
-        return span * (B1 * f1 + B2 * f2 + B3 * f3), span * (B1 * y1 + B2 * y2 + B3 * y3), y2, settled
+        if not settled:
+            # Where the state relaxes faster than the step, only Newton's rule converges.
+            is_stiff = True
+            f1, f2, f3, y1, y2, y3, settled = relax(law_index, s, p, q_d, drive, span, f)
+        change, part = span * (B1 * f1 + B2 * f2 + B3 * f3), span * (B1 * y1 + B2 * y2 + B3 * y3)
+        return change, part, f2, y2, settled, is_stiff
 
     @closure_kernel(tag)
     def advance(law_index: int, s: float, p: Any, q_d: float, drive: float, span: float) -> tuple[float, float]:
         start, moved, total, left, size = s, 0.0, 0.0, span, span
         f, h = slopes(law_index, s, p, q_d, drive)
+        is_stiff = False
         while left > 0.0:
             if not abs(f) < math.inf:
                 return math.nan, math.nan
@@ -150,7 +194,7 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
                     s = 0.0
                 return s, total + slopes(law_index, s, p, q_d, drive)[1] * left
             size = min(left, size, min(reach, STEP_CHANGE) / abs(f))
-            change, part, middle, settled = step(law_index, s, p, q_d, drive, size, f)
+            change, part, f_middle, middle, settled, is_stiff = step(law_index, s, p, q_d, drive, size, f, is_stiff)
             can_shrink = size * abs(f) > STILL
             if not settled and can_shrink:
                 size *= 0.5
@@ -164,6 +208,11 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
             rough = abs((h + 4.0 * middle + h_end) * size / 6.0 - part)
             allowed = ROUGH * abs(part)
             scale = 2.0 if rough <= 0.04 * allowed else 0.9 * (allowed / rough) ** 0.25
+            if is_stiff:
+                # Steps that Newton's rule allows are long enough to need a check of s itself.
+                strain = abs((f + 4.0 * f_middle + f_end) * size / 6.0 - change) / (ROUGH * abs(change) + LOOSE)
+                scale = min(scale, 2.0 if strain <= 0.04 else 0.9 * (1.0 / strain) ** 0.25)
+                rough = max(rough, strain * allowed)
             if rough > allowed and can_shrink:
                 size *= max(scale, 0.1)
                 continue
