@@ -30,7 +30,7 @@ BEYOND = 10.0 * IMPLICIT_ATOL
 LONGEST_PATH = 1e9
 # Share of the state's range over which the estimate takes the slope of the rate.
 COARSE_DIFFERENCE = 1e-3
-# The same for the Jacobian: relative to the distance from the wall, and at the least.
+# The same for the Jacobian: relative to the distance from the wall (or of the gap), and at the least.
 DIFFERENCE, SMALLEST_DIFFERENCE = 1e-6, 1e-10
 
 
@@ -128,9 +128,10 @@ def _implicit(rate: Rate, start: float, end: float, s: float, name: str) -> tupl
         # SciPy's own differences are relative to y, and lost to rounding in s where y is a small distance from s = 1.
         share, distance = float(y[0]), float(y[1])
         f = speed(share, distance)
-        nudge_share, nudge = (
-            math.copysign(max(DIFFERENCE * part, SMALLEST_DIFFERENCE), 0.5 - part) for part in (share, distance)
-        )
+        # Near s = 0, unlike s = 1, small distances are whole numbers of their own rounding.
+        least = SMALLEST_DIFFERENCE if origin == 1.0 else 0.0
+        nudge_share = math.copysign(DIFFERENCE, 0.5 - share)
+        nudge = math.copysign(max(DIFFERENCE * abs(distance), least, ATOL * DIFFERENCE), 0.5 - distance)
         by_share = (speed(share + nudge_share, distance) - f) / nudge_share
         by_distance = (speed(share, distance + nudge) - f) / nudge
         length = math.hypot(1.0, f)

@@ -259,8 +259,8 @@ class Device:
             ``"clip"``: the state stops exactly at 0 and 1, and leaves when the drive turns. ``"soft"``: it slows down
             before them, over 0.02 of the range, and never arrives; see `walls.soften`.
         method
-            ``"integrate"``, to about 1e-9 of the range (1e-7 where the law is stiff), or ``"closed_form"``, to rounding: for ideal laws, sampled
-            voltages and clip walls.
+            ``"integrate"``, to about 1e-9 of the range, 1e-7 where the law is stiff; or ``"closed_form"``, to rounding:
+            for ideal laws, sampled voltages and clip walls.
 
         Raises
         ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Literal
@@ -111,7 +112,10 @@ def _cross_gap(rate: Callable[[float, float], float], start: float, end: float, 
             start = _release(rate, start, end, s)
         if start >= end:
             return s
-        start, s = cross_between_walls(rate, start, end, s, name)
+        arrival, wall = cross_between_walls(rate, start, end, s, name)
+        # Back at the wall that it left, at once: the rate turned within the rounding of the time.
+        start = math.nextafter(arrival, math.inf) if (arrival, wall) == (start, s) else arrival
+        s = wall
     raise failure(name, start, end, f"more than {MOST_ARRIVALS} arrivals at a wall")
 
 

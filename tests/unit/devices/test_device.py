@@ -168,7 +168,7 @@ def test_a_device_in_a_notebook_is_escaped():
         ),
         (
             lambda: Device(name="x", law="hp", source="x", values=()),
-            "Device.law: expected one of hp_linear, linear, peo_pani_mirror, got 'hp'. Use one of these.",
+            f"Device.law: expected one of {', '.join(sorted(room.LAWS))}, got 'hp'. Use one of these.",
         ),
         (
             lambda: Device(name="x", law="linear", source="x", values=()),

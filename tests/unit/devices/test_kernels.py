@@ -69,11 +69,6 @@ def test_an_index_without_a_law_gives_nan(index):
     assert math.isnan(kernels.charge_rate(index, 0.5, 0.0, 1.0, p))
 
 
-def test_parameters_may_be_a_tuple_too():
-    p = (0.01, 1.0, 100.0)
-    assert kernels.conductance(0, 0.5, 0.0, p) == kernels.conductance(0, 0.5, 0.0, np.array(p))
-
-
 TABLE = """
 import numpy as np
 from ohmloom.devices import Device

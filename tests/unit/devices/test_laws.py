@@ -126,7 +126,8 @@ def test_every_law_declares_usable_parameters(name):
     assert law.doc
     assert len(set(law.parameter_names)) == len(law.parameters)
     for parameter in law.parameters:
-        assert parameter.lower < parameter.default < parameter.upper
+        assert parameter.lower <= parameter.default <= parameter.upper
+        assert parameter.lower < parameter.upper
         assert parameter.unit
         assert parameter.doc
         if parameter.scale == "log":

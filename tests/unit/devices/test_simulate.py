@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import simpson
+from scipy.integrate import quad, simpson
 
 from ohmloom.devices import LAWS, Device
 from ohmloom.devices.simulate import integrate
+from ohmloom.devices.walls import SOFT_WIDTH, soften
 from ohmloom.errors import OperationError, ParameterError
 
 HP = Device.load("hp_tio2_10k")
@@ -158,18 +161,146 @@ def test_current_is_zero_exactly_where_the_voltage_is(name):
     assert (trace.i[[0, 2]] != 0.0).all()
 
 
-def test_every_law_is_covered_by_a_card_here():
-    assert {Device.load(name).law for name in CARDS} == set(LAWS)
+def test_every_ideal_law_is_covered_by_a_card_here():
+    assert {Device.load(name).law for name in CARDS} == {name for name, law in LAWS.items() if law.is_ideal}
+
+
+def test_a_snap_within_the_rounding_of_the_time_arrives():
+    """At 1e30 V the state crosses its range faster than two floats beside t = 1 s are apart."""
+    s = integrate(LAWS["hp_linear"], tuple(HP.parameters.values()), lambda t: 1e30, np.array([1.0, 2.0]), 0.5)
+    assert s.tolist() == [0.5, 1.0]
 
 
 def test_a_failed_integration_returns_no_numbers():
-    # So steep that no step from t = 1 s is short enough.
+    # A voltage that no step resolves.
+    rng = np.random.default_rng(1)
     with pytest.raises(OperationError) as caught:
-        integrate(LAWS["hp_linear"], tuple(HP.parameters.values()), lambda t: 1e30, np.array([1.0, 2.0]), 0.5)
-    assert str(caught.value).startswith(
-        "Device.simulate: expected hp_linear to be integrated from t = 1 s to 2 s, got Required step size"
-    )
+        integrate(LAWS["hp_linear"], tuple(HP.parameters.values()), lambda t: rng.normal(), np.array([1.0, 2.0]), 0.5)
+    assert str(caught.value).startswith("Device.simulate: expected hp_linear to be integrated from t = 1 s to 2 s, got ")
     assert str(caught.value).endswith("Give t finer steps, or lower the voltage.")
+
+
+@pytest.mark.parametrize("name", CARDS)
+@pytest.mark.parametrize("size", [0.2, 20.0])
+def test_the_closed_form_agrees_with_the_integrator(name, size):
+    """Once between the walls, once with both of them reached and sign changes within gaps."""
+    device = Device.load(name)
+    t = np.linspace(0.0, 2.0, 38)
+    v = size * volts_for(device, 1.0) * np.sin(7.0 * t + 0.3)
+    closed = device.simulate(v, t, s0=0.4, method="closed_form")
+    stepped = device.simulate(v, t, s0=0.4)
+    assert ({0.0, 1.0} <= set(closed.s.tolist())) == (size > 1.0)
+    # The integrator's own error.
+    np.testing.assert_allclose(closed.s, stepped.s, rtol=0, atol=2e-9)
+    assert json.loads(closed.provenance)["method"] == "closed_form"
+
+
+def test_the_closed_form_is_the_square_root_of_the_flux():
+    t = np.array([0.0, 0.01, 0.012, 0.02, 0.05])
+    v = np.array([0.0, 4.0, -2.0, 3.0, -1.0])
+    trace = HP.simulate(v, t, s0=0.5, method="closed_form")
+    flux = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
+    wanted = memristance_at_flux(HP, HP.memristance(0.5), flux)
+    np.testing.assert_allclose(HP.memristance(trace.s), wanted, rtol=1e-12)  # rounding of a square root's difference
+
+
+@pytest.mark.parametrize("name", CARDS)
+def test_flux_and_its_inverse_are_the_integral_of_the_memristance(name):
+    device = Device.load(name)
+    for s in (1e-3, 0.3, 0.9, 1.0):
+        nodes = np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 40)]) * s
+        phi = device.charge_scale * math.fsum(quad(device.memristance, a, b)[0] for a, b in itertools.pairwise(nodes))
+        assert device.flux(s) == pytest.approx(phi, rel=1e-9)
+        assert device.state_at_flux(device.flux(s)) == pytest.approx(s, rel=1e-12)
+    assert device.flux(0.0) == device.state_at_flux(0.0) == 0.0
+    assert device.flux(np.zeros((2, 1))).shape == (2, 1)
+
+
+def test_a_soft_wall_is_never_reached_and_left_at_once():
+    volts = 20 * volts_for(HP, 1.0)
+    t = [0.0, 1.0, 2.0, 2.001, 4.0]
+    trace = HP.simulate([volts, volts, -1e-9, -volts, -volts], t, s0=0.5, walls="soft")
+    assert (trace.s > 0.0).all()
+    assert (trace.s < 1.0).all()
+    assert trace.s[2] > 0.98
+    assert trace.s[3] < trace.s[2]
+    assert json.loads(trace.provenance)["walls"] == "soft"
+    hard = HP.simulate([0.0, 1.0], [0.0, 0.01], s0=0.5).s
+    # Half the range away, a wall of width 0.02 is felt to e^-25.
+    np.testing.assert_allclose(HP.simulate([0.0, 1.0], [0.0, 0.01], s0=0.5, walls="soft").s, hard, rtol=1e-9)
+
+
+def test_soft_fading_is_the_same_for_numbers_arrays_and_symbols():
+    casadi = pytest.importorskip("casadi")
+    s, rate = casadi.SX.sym("s"), casadi.SX.sym("rate")
+    symbolic = casadi.Function("soften", [s, rate], [soften(s, rate)])
+    for at, speed in ((0.0, 1.0), (0.0, -1.0), (0.01, -3.0), (0.99, 2.0), (0.5, 0.0), (1.0, 1.0)):
+        ahead = 1.0 - at if speed > 0 else at
+        wanted = speed * (1 - math.exp(-ahead / SOFT_WIDTH)) / (1 - math.exp(-1 / SOFT_WIDTH))
+        assert soften(at, speed) == pytest.approx(wanted, rel=1e-13, abs=0)
+        assert soften(np.array([at]), np.array([speed]))[0] == pytest.approx(wanted, rel=1e-13, abs=0)
+        assert float(symbolic(at, speed)) == pytest.approx(wanted, rel=1e-13, abs=0)
+
+
+@pytest.mark.parametrize("walls", ["clip", "soft"])
+@pytest.mark.parametrize("name", ["peo_pani_redox", "vteam_memtorch", "yakopcic_miao", "pickett"])
+def test_stiff_laws_and_snaps_follow_a_sweep_whatever_its_steps(name, walls):
+    """Rates of 1e12/s, decays of 1e6 per gap and tunnel gaps that close at once: the same states from finer steps."""
+    device = Device.load(name)
+    t = np.linspace(0.0, 1.0, 25)
+    v = 1.5 * np.sin(2 * np.pi * t)
+    finer = np.linspace(0.0, 1.0, 49)
+    coarse = device.simulate(v, t, s0=0.3, walls=walls)
+    fine = device.simulate(np.interp(finer, t, v), finer, s0=0.3, walls=walls)
+    assert np.ptp(coarse.s) > 0.1
+    np.testing.assert_allclose(coarse.s, fine.s[::2], rtol=0, atol=1e-7)  # the stiff method's own error
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda d: d.simulate(lambda t: t, [0, 1], s0=0.5, method="closed_form"),
+            "hp_tio2_10k.simulate: method: expected a sampled voltage and clip walls for closed_form, got a function as "
+            "voltage. Use method='integrate'.",
+        ),
+        (
+            lambda d: d.simulate([0, 1], [0, 1], s0=0.5, method="closed_form", walls="soft"),
+            "hp_tio2_10k.simulate: method: expected a sampled voltage and clip walls for closed_form, got soft walls. "
+            "Use method='integrate'.",
+        ),
+        (
+            lambda d: d.simulate([0, 1], [0, 1], s0=0.5, walls="hard"),
+            "hp_tio2_10k.simulate: walls: expected one of clip, soft, got 'hard'. Use one of these.",
+        ),
+        (
+            lambda d: Device.load("pickett").simulate([0, 1], [0, 1], s0=0.5, method="closed_form"),
+            "pickett.simulate: method: expected an ideal law (dq/dt = i, G a function of s alone): closed_form needs one, "
+            "got pickett. Use one of hp_linear, linear, peo_pani_mirror, or simulate with method='integrate'.",
+        ),
+        (
+            lambda d: Device.load("pickett").flux(0.5),
+            "pickett.flux: expected an ideal law (dq/dt = i, G a function of s alone): only an ideal one has a flux, got "
+            "pickett. Use one of hp_linear, linear, peo_pani_mirror, or simulate with method='integrate'.",
+        ),
+        (
+            lambda d: d.state_at_flux(1.0),
+            "hp_tio2_10k.state_at_flux: phi: expected 0 <= phi <= 0.49995 Wb = flux(1), got 1 Wb. "
+            "Walls hold the flux in this range.",
+        ),
+    ],
+)
+def test_what_a_closed_form_or_a_wall_cannot_do_is_said(call, message):
+    with pytest.raises(ParameterError) as caught:
+        call(HP)
+    assert str(caught.value) == message
+
+
+def test_a_release_below_a_threshold_waits_for_it():
+    """The rate at the wall rests at zero before it turns inward."""
+    device = Device.load("vteam_memtorch")
+    trace = device.simulate([-1.0, 1.0], [0.0, 1.0], s0=0.0)
+    assert trace.s.tolist() == [0.0, 1.0]
 
 
 @pytest.mark.parametrize(
