@@ -159,7 +159,8 @@ def plot_profiles(fit: Fit) -> Figure:
     for k, (name, profile) in enumerate(fit.profiles.items()):
         _draw_profile(fit, name, profile, figure.add_subplot(rows, across, k + 1))
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=SMALL)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4 if across > 1 else 2, frameon=False,
+                  fontsize=SMALL)  # fmt: skip
     return figure
 
 

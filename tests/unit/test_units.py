@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ohmloom.errors import ParameterError, UnknownNameError
-from ohmloom.units import find_unit, format_quantity, known_units, parse_unit
+from ohmloom.units import axis_unit, find_unit, format_quantity, known_units, parse_quantity, parse_unit
 
 
 @pytest.mark.parametrize(("value", "unit", "text"), [
@@ -53,3 +53,37 @@ def test_only_times_are_counted_in_minutes():
     assert find_unit("min", "V") is None
     assert known_units("s")["min"] == 60.0
     assert "min" not in known_units("V")
+
+
+@pytest.mark.parametrize(("text", "base", "value"), [
+    ("5", "Ohm", 5.0), ("5k", "Ohm", 5000.0), ("5kOhm", "Ohm", 5000.0), (" 5 k\u03a9 ", "Ohm", 5000.0),
+    ("0.1V", "V", 0.1), ("100mV", "V", 0.1), ("1m", "s", 1e-3), ("1min", "s", 60.0), (".5e3", "Hz", 500.0),
+    ("-3uA", "A", -3e-6), ("2.", "", 2.0), ("3 1/V", "1/V", 3.0),
+])  # fmt: skip
+def test_quantity_is_read_with_or_without_its_unit_and_is_the_nearest_float(text, base, value):
+    assert parse_quantity(text, base) == value
+
+
+@pytest.mark.parametrize(("text", "base", "message"), [
+    ("x", "Ohm", "quantity: expected a number in Ohm, such as 5 or 5kOhm, got 'x'. Correct it."),
+    ("1e999", "V", "quantity: expected a number in V, such as 5 or 5kV, got '1e999'. Correct it."),
+    ("1_000", "", "quantity: expected a number without a unit, got '1_000'. Leave '_000' out."),
+    ("3V", "1/V", "quantity: expected a number in 1/V, got '3V'. Leave 'V' out."),
+    ("3k", "", "quantity: expected a number without a unit, got '3k'. Leave 'k' out."),
+    ("nan", "", "quantity: expected a number, got 'nan'. Correct it."),
+    ("5 kA", "V", "quantity: expected a unit of V, such as mV, got 'kA', a unit of A. Check that this is the right "
+                  "quantity."),
+])  # fmt: skip
+def test_quantity_that_is_none_is_refused(text, base, message):
+    with pytest.raises(ParameterError) as caught:
+        parse_quantity(text, base)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(("largest", "unit", "expected"), [
+    (199.0, "A", (1.0, "A")), (200.0, "A", (1e-3, "kA")), (-0.19, "A", (1e3, "mA")), (1.5e-4, "A", (1e6, "uA")),
+    (3e-17, "C", (1e15, "fC")), (1e13, "Ohm", (1e-9, "GOhm")), (750.0, "s", (1.0, "s")), (0.0, "V", (1.0, "V")),
+    (1e-4, "1/s", (1.0, "1/s")), (float("inf"), "V", (1.0, "V")),
+])  # fmt: skip
+def test_axis_gets_the_prefix_that_makes_its_numbers_readable(largest, unit, expected):
+    assert axis_unit(largest, unit) == expected
