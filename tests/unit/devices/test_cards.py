@@ -132,8 +132,7 @@ def test_any_card_survives_writing_and_reading(text, r_on, r_off, factor):
         (
             'law = "hp_linear"',
             'law = "hp_linar"',
-            f"x.toml: law: expected one of {', '.join(sorted(LAWS))}, got 'hp_linar'. "
-            "Did you mean 'hp_linear'?",
+            f"x.toml: law: expected one of {', '.join(sorted(LAWS))}, got 'hp_linar'. Did you mean 'hp_linear'?",
         ),
         ('law = "hp_linear"', "", "x.toml: law: expected a value, got nothing. Add it."),
         ('law = "hp_linear"', "law = 3", "x.toml: law: expected a valid string, got 3. Correct it."),

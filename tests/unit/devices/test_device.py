@@ -15,10 +15,15 @@ from ohmloom.devices import CardValue, Device
 from ohmloom.errors import MissingFileError, ParameterError, UnknownNameError
 
 HP = Device.load("hp_tio2")
+# Cards whose law names the memristances of both ends.
+WITH_ENDS = [name for name in Device.names() if "r_on" in Device.load(name).parameters]
 
 
 def test_public_names_are_these():
-    assert room.__all__ == ["LAWS", "CardValue", "Device", "Law", "Parameter", "Trace"]
+    assert room.__all__ == [
+        "LAWS", "CardValue", "Comparison", "DataFile", "Device", "Fit", "Law", "Measurement", "Parameter", "Revisit",
+        "Trace", "charge_revisit", "compare", "fit",
+    ]  # fmt: skip
     assert all(hasattr(room, name) for name in room.__all__)
 
 
@@ -33,7 +38,7 @@ def test_output_rank_follows_input_rank():
     assert HP.state_at_weight(np.empty(0)).shape == (0,)
 
 
-@pytest.mark.parametrize("name", Device.names())
+@pytest.mark.parametrize("name", WITH_ENDS)
 def test_conductance_memristance_and_weight_agree_at_the_walls(name):
     device = Device.load(name)
     r_on, r_off = device.parameters["r_on"], device.parameters["r_off"]
@@ -52,8 +57,9 @@ def test_state_at_weight_inverts_weight(name, fraction):
     w = min(low + (1.0 - low) * fraction, 1.0)
     s = device.state_at_weight(w)
     assert 0.0 <= s <= 1.0
-    # W changes by at most 160 times the change of s, which is exact to a rounding.
-    assert device.weight(s) == pytest.approx(w, abs=1e-13)
+    # W changes by at most 160 times the change of s, which is exact to a rounding. Pickett's conductance at 0 V is the
+    # difference of two flows that are equal to 1e-3.
+    assert device.weight(s) == pytest.approx(w, abs=1e-12 if device.law == "pickett" else 1e-13)
 
 
 def test_state_at_the_papers_start_weight():
@@ -63,7 +69,7 @@ def test_state_at_the_papers_start_weight():
     assert Device.load("linear_paper").state_at_weight(0.5) == pytest.approx(0.49 / 0.99, rel=1e-14)
 
 
-@pytest.mark.parametrize("name", Device.names())
+@pytest.mark.parametrize("name", WITH_ENDS)
 def test_the_ends_of_the_weight_range_are_walls_even_when_rounded(name):
     device = Device.load(name)
     low = device.parameters["r_on"] / device.parameters["r_off"]

@@ -107,7 +107,8 @@ def test_every_law_gives_the_same_for_floats_arrays_and_lists_of_parameters(name
     p = defaults(name)
     together = law.conductance(s, np.full_like(s, 0.1), np.array(p))
     apart = [[law.conductance(x, 0.1, list(p)) for x in row] for row in s.tolist()]
-    np.testing.assert_array_equal(together, apart)
+    # numpy's vector functions and those of the C library differ in the last bit, which Newton's rule passes on.
+    np.testing.assert_allclose(together, apart, rtol=1e-14)
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -176,7 +176,9 @@ def test_a_failed_integration_returns_no_numbers():
     rng = np.random.default_rng(1)
     with pytest.raises(OperationError) as caught:
         integrate(LAWS["hp_linear"], tuple(HP.parameters.values()), lambda t: rng.normal(), np.array([1.0, 2.0]), 0.5)
-    assert str(caught.value).startswith("Device.simulate: expected hp_linear to be integrated from t = 1 s to 2 s, got ")
+    assert str(caught.value).startswith(
+        "Device.simulate: expected hp_linear to be integrated from t = 1 s to 2 s, got "
+    )
     assert str(caught.value).endswith("Give t finer steps, or lower the voltage.")
 
 

@@ -53,6 +53,7 @@ def test_provenance_names_version_card_parameters_and_start(trace):
         "device_sha256": device.sha256,
         "s0": 0.2,
         "walls": "clip",
+        "method": "integrate",
     }
 
 
