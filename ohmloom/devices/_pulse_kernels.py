@@ -21,6 +21,8 @@ A11, A12, A13 = 5 / 36, 2 / 9 - _R / 15, 5 / 36 - _R / 30
 A21, A22, A23 = 5 / 36 + _R / 24, 2 / 9, 5 / 36 - _R / 24
 A31, A32, A33 = 5 / 36 + _R / 30, 2 / 9 + _R / 15, 5 / 36
 B1, B2, B3 = 5 / 18, 4 / 9, 5 / 18
+# The stages' rates extrapolated to the start of the step.
+E1, E2, E3 = 5 / 6 + _R / 6, -2 / 3, 5 / 6 - _R / 6
 
 # Largest relative difference between Simpson's rule, of order 4, and the step's own integral of h, of order 6;
 # the latter is then good to 2e-10, also near the mirror law's pole.
@@ -37,8 +39,8 @@ SETTLED = 4e-16
 # The same for Newton's rule, whose rates are known to the rounding of s times its slope.
 RELAXED = 1e-12
 SHIFT = 1e-6
-# Roughness of s that always passes: the step itself, of order 6, is far better.
-LOOSE = 1e-11
+# Roughness of s that passes, of its change and always: the step itself, of order 6, is far better.
+STRAIN, LOOSE = 1e-3, 1e-8
 
 # A change of s too small to matter to anything.
 STILL = 1e-18
@@ -155,7 +157,7 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
     def step(
         law_index: int, s: float, p: Any, q_d: float, drive: float, span: float, f: float, is_stiff: bool
     ) -> tuple[float, float, float, float, bool, bool]:
-        """One collocation step: (change of s, integral of h, f and h in the middle, whether it settled, is stiff)."""
+        """One collocation step: (change of s, its roughness, integral of h, h in the middle, settled, is stiff)."""
         f1 = f2 = f3 = f
         y1 = y2 = y3 = 0.0
         settled = False
@@ -176,7 +178,9 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
             is_stiff = True
             f1, f2, f3, y1, y2, y3, settled = relax(law_index, s, p, q_d, drive, span, f)
         change, part = span * (B1 * f1 + B2 * f2 + B3 * f3), span * (B1 * y1 + B2 * y2 + B3 * y3)
-        return change, part, f2, y2, settled, is_stiff
+        # Simpson's rule is blind to the error of a linear relaxation, which has opposite signs at the two ends.
+        strain = span * abs(E1 * f1 + E2 * f2 + E3 * f3 - f)
+        return change, strain, part, y2, settled, is_stiff
 
     @closure_kernel(tag)
     def advance(law_index: int, s: float, p: Any, q_d: float, drive: float, span: float) -> tuple[float, float]:
@@ -194,7 +198,7 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
                     s = 0.0
                 return s, total + slopes(law_index, s, p, q_d, drive)[1] * left
             size = min(left, size, min(reach, STEP_CHANGE) / abs(f))
-            change, part, f_middle, middle, settled, is_stiff = step(law_index, s, p, q_d, drive, size, f, is_stiff)
+            change, strain, part, middle, settled, is_stiff = step(law_index, s, p, q_d, drive, size, f, is_stiff)
             can_shrink = size * abs(f) > STILL
             if not settled and can_shrink:
                 size *= 0.5
@@ -210,7 +214,7 @@ def _build_advance(slopes: Callable[..., tuple[float, float]], tag: str) -> Call
             scale = 2.0 if rough <= 0.04 * allowed else 0.9 * (allowed / rough) ** 0.25
             if is_stiff:
                 # Steps that Newton's rule allows are long enough to need a check of s itself.
-                strain = abs((f + 4.0 * f_middle + f_end) * size / 6.0 - change) / (ROUGH * abs(change) + LOOSE)
+                strain /= STRAIN * abs(change) + LOOSE
                 scale = min(scale, 2.0 if strain <= 0.04 else 0.9 * (1.0 / strain) ** 0.25)
                 rough = max(rough, strain * allowed)
             if rough > allowed and can_shrink:
