@@ -40,7 +40,7 @@ SETTLED = 4e-16
 RELAXED = 1e-12
 SHIFT = 1e-6
 # Roughness of s that passes, of its change and always: the step itself, of order 6, is far better.
-STRAIN, LOOSE = 1e-3, 1e-8
+STRAIN, LOOSE = 1e-5, 1e-10
 
 # A change of s too small to matter to anything.
 STILL = 1e-18

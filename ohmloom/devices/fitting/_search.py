@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -83,10 +83,15 @@ class Problem:
             )  # fmt: skip
         return found.x, int(found.nfev), found.status > 0
 
+    def polish(self, z: FloatArray) -> FloatArray:
+        """The optimum near `z`, with more evaluations than a start gets; `z` itself if that is no better."""
+        end = self.solve(z, self.shooting, POLISH_EVALUATIONS)[0]
+        return end if self.error(end) <= self.error(z) else z
+
 
 def search(problem: Problem, *, screen: int, starts: int, rng: np.random.Generator,
-           report: Callable[[int, int, float], None] | None) -> tuple[FloatArray, tuple[Start, ...]]:  # fmt: skip
-    """Best coordinates, and every start, in the order in which they were tried.
+           report: Callable[[int, int, float], None] | None) -> tuple[Start, ...]:  # fmt: skip
+    """Every start that gave a finite current, in the order in which they were tried.
 
     `screen` random starts are tried with one residual each, and the best `starts` of them solved; `report` gets the
     local solutions done, their number and the best relative RMS so far.
@@ -108,11 +113,14 @@ def search(problem: Problem, *, screen: int, starts: int, rng: np.random.Generat
                                has_converged=converged, coordinates=tuple(end.tolist())))  # fmt: skip
         if report is not None and tried:
             report(done + 1, len(chosen), min(start.after for start in tried))
-    if not tried:
-        return np.empty(0), ()
-    best = min(tried, key=lambda start: start.after)
-    z, _, _ = problem.solve(np.array(best.coordinates), problem.shooting, POLISH_EVALUATIONS)
-    return (z if problem.error(z) <= best.after else np.array(best.coordinates)), tuple(tried)
+    return tuple(tried)
+
+
+def resolved(problem: Problem, start: Start) -> Start:
+    """The same start, solved again from where it ended."""
+    end, evaluations, converged = problem.solve(np.array(start.coordinates), problem.shooting)
+    return replace(start, after=problem.error(end), evaluations=start.evaluations + evaluations,
+                   has_converged=converged, coordinates=tuple(end.tolist()))  # fmt: skip
 
 
 def screened(problem: Problem, count: int, rng: np.random.Generator) -> list[FloatArray]:

@@ -15,7 +15,7 @@ from ohmloom.devices.card import Card, CardValue, DataFile, write_card
 from ohmloom.devices.fitting._checks import Weights, check_inputs, check_names, sizes
 from ohmloom.devices.fitting._coordinates import Coordinates, choose
 from ohmloom.devices.fitting._features import Features
-from ohmloom.devices.fitting._search import Problem, Start, search
+from ohmloom.devices.fitting._search import Problem, Start, resolved, search
 from ohmloom.devices.fitting._shooting import Shooting
 from ohmloom.devices.fitting._statistics import Uncertainty, assess, lag_one
 from ohmloom.devices.fitting._words import warnings_for
@@ -102,13 +102,13 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
     problem = _problem(coordinates, sweeps, scale, SUBSTEPS)
     if report is not None:
         report(0, starts, math.inf)
-    z, tried = search(problem, screen=screen, starts=starts, rng=rng, report=report)
+    tried = search(problem, screen=screen, starts=starts, rng=rng, report=report)
     if not tried:
         raise OperationError(
             f"fit: expected {law} to give a finite current from at least one start, got none. Check units and time of "
             "the sweeps, or fix parameters that are known."
         )
-    problem, z, integration_error = _refine(problem, z)
+    problem, z, tried, integration_error = _refine(problem, tried)
     uncertainty = assess(problem, z)
     names = (*coordinates.names, *start_names(sweeps))
     wanted = range(len(names)) if profile else needed_profiles(problem, z, uncertainty)
@@ -146,17 +146,18 @@ def _problem(coordinates: Coordinates, sweeps: tuple[Measurement, ...], scale: t
     )  # fmt: skip
 
 
-def _refine(problem: Problem, z: FloatArray) -> tuple[Problem, FloatArray, float]:
-    """Double the integrator's substeps, and solve again, until its own error no longer matters."""
-    substeps = problem.shooting.substeps
+def _refine(problem: Problem, tried: tuple[Start, ...]) -> tuple[Problem, FloatArray, tuple[Start, ...], float]:
+    """The best of the starts; all are solved again with twice the substeps until the integrator's error is small."""
     while True:
+        best = min(tried, key=lambda start: start.after)
+        z = problem.polish(np.array(best.coordinates))
+        substeps = problem.shooting.substeps
         finer = _problem(problem.coordinates, problem.shooting.sweeps, problem.shooting.sizes, 2 * substeps)
         change = finer.shooting.residual(z) - problem.shooting.residual(z)
         own = float(np.sqrt(change @ change))
         if own <= max(INTEGRATION_SHARE * problem.error(z), SMALLEST_ERROR) or substeps >= MOST_SUBSTEPS:
-            return problem, z, own
-        problem, substeps = finer, 2 * substeps
-        z = problem.solve(z, problem.shooting)[0]
+            return problem, z, tried, own
+        problem, tried = finer, tuple(resolved(finer, start) for start in tried)
 
 
 def _result(problem: Problem, z: FloatArray, tried: tuple[Start, ...], uncertainty: Uncertainty,
