@@ -21,7 +21,8 @@ TRAPPING = {
     "hp_joglekar": "its window is zero on both walls",
     "hp_prodromakis": "its window is zero on both walls",
 }
-# Not ideal, as dq/dt is not i, yet dq/dt is i times a function of the state (and of the sign of i): time and voltage trade.
+# Not ideal, as dq/dt is not i, yet dq/dt is i times a function of the state and the current's sign: time and voltage
+# trade.
 INVARIANT = ("hp_joglekar", "hp_biolek", "hp_prodromakis")
 VOLATILE = {"peo_pani_redox": "oxidation and reduction go on at v = 0"}
 IDEAL = [name for name, law in LAWS.items() if law.is_ideal]
@@ -83,7 +84,8 @@ def test_under_any_drive_charge_stays_in_bounds_and_energy_is_absorbed(name, v, 
     assert (trace.v * trace.i >= 0.0).all()
     assert trapezoid(trace.v * trace.i, trace.t) >= 0.0
     assert (trace.i[trace.v == 0.0] == 0.0).all()
-    assert (trace.i[trace.v != 0.0] != 0.0).all()
+    # Below it the product with G underflows.
+    assert (trace.i[np.abs(trace.v) > 1e-290] != 0.0).all()
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -228,5 +230,5 @@ def test_every_law_documents_equation_source_validity_and_sign(name):
     assert "Range of validity" in text
     assert "positive current" in " ".join(text.split()).lower()
     assert "terminal" in text
-    # A source has a year; a law made of two others names them.
-    assert re.search(r"\b(19|20)\d\d\b", text) or re.search(r"as in `\w+`", text)
+    # A source has a year or a chapter; a law made of two others names them.
+    assert re.search(r"\b(19|20)\d\d\b|\bch\. \d|as in `\w+`", text)

@@ -263,8 +263,8 @@ def test_stiff_laws_and_snaps_follow_a_sweep_whatever_its_steps(name, walls):
     [
         (
             lambda d: d.simulate(lambda t: t, [0, 1], s0=0.5, method="closed_form"),
-            "hp_tio2_10k.simulate: method: expected a sampled voltage and clip walls for closed_form, got a function as "
-            "voltage. Use method='integrate'.",
+            "hp_tio2_10k.simulate: method: expected a sampled voltage and clip walls for closed_form, got a function "
+            "as voltage. Use method='integrate'.",
         ),
         (
             lambda d: d.simulate([0, 1], [0, 1], s0=0.5, method="closed_form", walls="soft"),
@@ -277,13 +277,13 @@ def test_stiff_laws_and_snaps_follow_a_sweep_whatever_its_steps(name, walls):
         ),
         (
             lambda d: Device.load("pickett").simulate([0, 1], [0, 1], s0=0.5, method="closed_form"),
-            "pickett.simulate: method: expected an ideal law (dq/dt = i, G a function of s alone): closed_form needs one, "
-            "got pickett. Use one of hp_linear, linear, peo_pani_mirror, or simulate with method='integrate'.",
+            "pickett.simulate: method: expected an ideal law (dq/dt = i, G a function of s alone): closed_form needs "
+            "one, got pickett. Use one of hp_linear, linear, peo_pani_mirror, or simulate with method='integrate'.",
         ),
         (
             lambda d: Device.load("pickett").flux(0.5),
-            "pickett.flux: expected an ideal law (dq/dt = i, G a function of s alone): only an ideal one has a flux, got "
-            "pickett. Use one of hp_linear, linear, peo_pani_mirror, or simulate with method='integrate'.",
+            "pickett.flux: expected an ideal law (dq/dt = i, G a function of s alone): only an ideal one has a flux, "
+            "got pickett. Use one of hp_linear, linear, peo_pani_mirror, or simulate with method='integrate'.",
         ),
         (
             lambda d: d.state_at_flux(1.0),
