@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import html
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +20,9 @@ from ohmloom.devices._columns import QUANTITIES, check_times, choose_columns, ch
 from ohmloom.devices._read_csv import read_table
 from ohmloom.errors import (
     FileFormatError,
+    MissingFileError,
     ParameterError,
+    UnknownNameError,
     expect_number,
     expect_type,
     shown,
@@ -121,7 +126,7 @@ class Measurement:
         Parameters
         ----------
         path
-            The file, up to 200 MB.
+            The file, up to 200 MB; or the name of a synthetic sweep that comes with ohmloom (`shipped_names`).
         time, voltage, current
             Names of the columns. ``time=None`` ignores a time column.
         units
@@ -157,6 +162,7 @@ class Measurement:
         ParameterError
             If the time is given twice or not at all, a unit is missing, or an argument is out of range.
         """
+        path = _shipped_path(path)
         where = "Measurement.read_csv"
         resistance = _resistance(f"{where}: series_resistance", 0.0 if series_resistance is None else series_resistance)
         if frequency is not None:
@@ -188,6 +194,17 @@ class Measurement:
             )
         except ParameterError as error:
             raise FileFormatError(*(f"{table.where}: {problem}" for problem in error.problems)) from error
+
+    @staticmethod
+    def shipped_names() -> list[str]:
+        """Names of the sweeps that come with ohmloom: simulated by other laws, with noise, and so free to share.
+
+        >>> Measurement.shipped_names()
+        ['pickett', 'pickett_fast', 'redox', 'redox_staircase']
+        >>> len(Measurement.read_csv("pickett", series_resistance=2400.0).t)
+        250
+        """
+        return sorted(item.name.removesuffix(".csv") for item in _shipped_folder().iterdir())
 
     @property
     def duration(self) -> float:
@@ -306,6 +323,22 @@ class Measurement:
             "Measurement.i: expected a current that takes energy into the device (integral of v i dt above 0), got one "
             "of the wrong sign. Pass invert_current=True to read_csv, or swap the terminals."
         )
+
+
+def _shipped_folder() -> Traversable:
+    return resources.files("ohmloom.devices") / "measurements"
+
+
+def _shipped_path(path: str | Path) -> str | Path:
+    """The path itself; or that of a shipped sweep, where a bare name is no file."""
+    expect_type("Measurement.read_csv: path", path, str, os.PathLike, name="a path, or the name of a shipped sweep")
+    text = str(path)
+    if Path(text).suffix or Path(text).name != text or os.path.exists(text):
+        return path
+    if text in Measurement.shipped_names():
+        return Path(str(_shipped_folder() / f"{text}.csv"))
+    unknown = UnknownNameError.of("Measurement.read_csv: path", text, Measurement.shipped_names())
+    raise MissingFileError(f"{unknown} A file is given by its path, with its ending.")
 
 
 def _integral(y: FloatArray, t: FloatArray) -> FloatArray:

@@ -17,9 +17,13 @@ AT_BOUND = 1e-3
 BLIND = 1e-9
 SMALLEST_FREEDOM = 5.0
 PROFILE_POINTS, PROFILE_EVALUATIONS = 40, 60
-PROFILE_STEP = 0.5
-# The profile's steps aim at this change of the statistic, whose 95 % limit is about 2.
-SMALLEST_STEP, LARGEST_STEP = 1e-4, 0.7
+PROFILE_STEP = 0.5  # of a standard deviation
+# Longest step, in a logarithm or a linear parameter's unit, and as a share of the way to the bound.
+SMALLEST_STEP, LARGEST_STEP, LARGEST_SHARE = 1e-4, 0.7, 0.12
+# Where the limit is crossed, points are added until its neighbours differ by this share of it.
+CROSSING_POINTS, CROSSING_GAP = 6, 0.3
+# Relative change of the sum of squares at which a point is done, over that of the limit.
+CROSSING_ERROR = 0.003
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,32 +148,60 @@ def scan(problem: Problem, z: FloatArray, direction: FloatArray, limits: tuple[f
 def _walk(problem: Problem, z: FloatArray, direction: FloatArray, middle: float, limit: float, best: float,
           ceiling: float, uncertainty: Uncertainty) -> tuple[list[tuple[float, float]], float, bool]:  # fmt: skip
     """Walk from the optimum towards `limit`: the points, where the ceiling is crossed, and whether it never is."""
-    deviation = float(np.sqrt(direction @ np.where(np.isfinite(uncertainty.covariance), uncertainty.covariance, 0.0)
-                              @ direction))  # fmt: skip
-    step = min(max(PROFILE_STEP * deviation, SMALLEST_STEP), LARGEST_STEP, max(abs(limit - middle), SMALLEST_STEP))
+    covariance = np.where(np.isfinite(uncertainty.covariance), uncertainty.covariance, 0.0)
+    deviation = float(np.sqrt(max(float(direction @ covariance @ direction), 0.0)))
+    longest = max(min(LARGEST_STEP, LARGEST_SHARE * abs(limit - middle)), SMALLEST_STEP)
+    step = min(max(PROFILE_STEP * deviation, SMALLEST_STEP), longest)
+
+    def excess(error: float) -> float:
+        """Close to linear in the coordinate, and 1 at the ceiling."""
+        return float(np.sqrt(max(error**2 - best**2, 0.0) / (ceiling**2 - best**2)))
+
+    # Enough to place the crossing.
+    tolerance = min(CROSSING_ERROR * (uncertainty.ceiling**2 - 1.0), 1e-3)
     points: list[tuple[float, float]] = []
-    at, error, here = middle, best, z
+    at, above, here = middle, 0.0, z
     sign = 1.0 if limit > middle else -1.0
+    if deviation == 0.0 or deviation > 0.1 * abs(limit - middle):
+        # Perhaps nothing is known on this side: then its end fits as well, and a few points show it.
+        for share in (1.0, 0.5, 0.25):
+            there, reached = _constrained(problem, z, direction, middle + share * (limit - middle), tolerance)
+            if excess(reached) > 1.0:
+                break
+            points.append((middle + share * (limit - middle), reached))
+        else:
+            return points[::-1], limit, True
+        points = []
     for _ in range(PROFILE_POINTS):
         if abs(limit - at) <= 1e-12 * max(1.0, abs(limit)):
             return points, limit, True
         ahead = at + sign * min(step, abs(limit - at))
-        there, reached = _constrained(problem, here, direction, ahead)
+        there, reached = _constrained(problem, here, direction, ahead, tolerance)
         points.append((ahead, reached))
-        if reached > ceiling:
-            # The root of the excess is close to linear in the coordinate.
-            a, b = np.sqrt(max(error**2 - best**2, 0.0)), np.sqrt(reached**2 - best**2)
-            goal = np.sqrt(ceiling**2 - best**2)
-            return points, float(at + (ahead - at) * (goal - a) / (b - a)), False
-        rise = (np.sqrt(max(reached**2 - best**2, 0.0)) - np.sqrt(max(error**2 - best**2, 0.0))) / np.sqrt(
-            ceiling**2 - best**2
-        )
-        at, error, here = ahead, reached, there
-        step = min(step * (2.0 if rise < 0.2 else 1.0 if rise < 0.5 else 0.5), LARGEST_STEP)
+        if excess(reached) > 1.0:
+            inner, outer = (at, above), (ahead, excess(reached))
+            for _ in range(CROSSING_POINTS):
+                if outer[1] - inner[1] <= CROSSING_GAP:
+                    break
+                share = min(max((1.0 - inner[1]) / (outer[1] - inner[1]), 0.25), 0.75)
+                between = inner[0] + share * (outer[0] - inner[0])
+                there, reached = _constrained(problem, here, direction, between, tolerance)
+                points.append((between, reached))
+                if excess(reached) > 1.0:
+                    outer = (between, excess(reached))
+                else:
+                    inner, here = (between, excess(reached)), there
+            crossing = inner[0] + (outer[0] - inner[0]) * (1.0 - inner[1]) / (outer[1] - inner[1])
+            return sorted(points, key=lambda point: sign * point[0]), float(crossing), False
+        rise = excess(reached) - above
+        at, above, here = ahead, excess(reached), there
+        step = min(step * (2.0 if rise < 0.2 else 1.0 if rise < 0.5 else 0.5), longest)
     return points, limit, True
 
 
-def _constrained(problem: Problem, z: FloatArray, direction: FloatArray, value: float) -> tuple[FloatArray, float]:
+def _constrained(
+    problem: Problem, z: FloatArray, direction: FloatArray, value: float, tolerance: float
+) -> tuple[FloatArray, float]:
     """Fit again with ``direction @ z`` held at `value`; one coordinate follows from the others."""
     from scipy.optimize import least_squares
 
@@ -194,6 +226,6 @@ def _constrained(problem: Problem, z: FloatArray, direction: FloatArray, value: 
         else:
             found = least_squares(lambda y: problem.shooting.residual(whole(y)), start, slopes, method="trf",
                                   bounds=(problem.low[others], problem.high[others]),
-                                  max_nfev=PROFILE_EVALUATIONS)  # fmt: skip
+                                  max_nfev=PROFILE_EVALUATIONS, ftol=tolerance)  # fmt: skip
             end = whole(found.x)
     return end, problem.error(end)
