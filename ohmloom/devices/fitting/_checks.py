@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom.devices.laws import LAWS, Law
+from ohmloom.devices.laws._law import ORDERED
 from ohmloom.devices.measurement import Measurement
 from ohmloom.errors import ParameterError, UnknownNameError, expect_integer, expect_number, expect_type, shown
 
@@ -40,9 +41,15 @@ def check_names(law: Any, fixed: Mapping[str, float], free: Sequence[str]) -> La
         raise UnknownNameError.of("fit.law", law, LAWS)
     chosen = LAWS[law]
     by_name = {p.name: p for p in chosen.parameters}
+    expect_type("fit.fixed", fixed, Mapping)
+    if isinstance(free, str) or not isinstance(free, Sequence):
+        raise ParameterError(f"fit.free: expected names in a list, got {shown(free)}. Put them in brackets.")
     for name in (*fixed, *free):
+        expect_type("fit.fixed" if name not in free else "fit.free", name, str)
         if name not in by_name:
-            raise UnknownNameError.of("fit.fixed" if name in fixed else "fit.free", shown(name)[1:-1], by_name)
+            raise UnknownNameError.of("fit.fixed" if name in fixed else "fit.free", name, by_name)
+        if free.count(name) > 1:
+            raise ParameterError(f"fit.free: expected each name once, got {name!r} twice. Remove one.")
     for name, value in fixed.items():
         parameter = by_name[name]
         number = expect_number(f"fit.fixed: {name}", value, "a finite number in SI units")
@@ -53,6 +60,11 @@ def check_names(law: Any, fixed: Mapping[str, float], free: Sequence[str]) -> La
             )
         if name in free:
             raise ParameterError(f"fit.free: expected no name that is fixed too, got {name!r}. Drop one of the two.")
+    for low, high in ORDERED:
+        if {low, high} <= set(fixed) and fixed[low] >= fixed[high]:
+            unit = by_name[low].unit
+            raise ParameterError(f"fit.fixed: {low}: expected less than {high} = {fixed[high]:.6g} {unit}, got "
+                                 f"{fixed[low]:.6g} {unit}. Lower {low} or raise {high}.")  # fmt: skip
     if all(p.name in fixed or not (p.fitted or p.name in free) for p in chosen.parameters):
         raise ParameterError(f"fit.fixed: expected at least one parameter of {law} to fit, got all of them fixed. "
                              "Free one.")  # fmt: skip
@@ -67,6 +79,9 @@ def sizes(sweeps: Sequence[Measurement], weights: Weights) -> tuple[FloatArray, 
         common = np.sqrt(np.mean(np.concatenate([sweep.i for sweep in sweeps]) ** 2))
         own = [np.sqrt(np.mean(sweep.i**2)) for sweep in sweeps]
         used = own if weights == "relative" else [common] * len(sweeps)
+        if min(used) <= 0.0:
+            raise ParameterError("fit.measurements: expected currents above 1e-150 A in size, got smaller ones. "
+                                 "Check the unit.")  # fmt: skip
         return tuple(np.full(len(sweep.t), rms * np.sqrt(len(sweep.t) * len(sweeps)))
                      for sweep, rms in zip(sweeps, used, strict=True))  # fmt: skip
     if not isinstance(weights, Sequence) or len(weights) != 2:
@@ -78,7 +93,11 @@ def sizes(sweeps: Sequence[Measurement], weights: Weights) -> tuple[FloatArray, 
         raise ParameterError(f"fit.weights: expected a > 0 A and b >= 0 in a + b |i|, got a = {a:.6g} A, b = {b:.6g}. "
                              "Give the current's absolute and relative uncertainty.")  # fmt: skip
     deviations = [a + b * np.abs(sweep.i) for sweep in sweeps]
-    total = sum(float(np.sum((sweep.i / d) ** 2)) for sweep, d in zip(sweeps, deviations, strict=True))
+    with np.errstate(over="ignore"):
+        total = sum(float(np.sum((sweep.i / d) ** 2)) for sweep, d in zip(sweeps, deviations, strict=True))
+    if not 0.0 < total < np.inf:
+        raise ParameterError(f"fit.weights: expected a + b |i| near the current's uncertainty, got a = {a:.6g} A, "
+                             f"b = {b:.6g}. Check the unit of a.")  # fmt: skip
     return tuple(d * np.sqrt(total) for d in deviations)
 
 

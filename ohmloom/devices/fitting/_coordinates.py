@@ -12,12 +12,15 @@ import numpy as np
 from ohmloom._arrays import FloatArray
 from ohmloom.devices.fitting._features import Features
 from ohmloom.devices.laws import Law, Parameter
+from ohmloom.devices.laws._functions import smaller
+from ohmloom.devices.laws._law import ORDERED
 
 # A fit looks this many decades to either side of what the data suggest.
 DECADES = 4.0
 # Random starts lie in two decades about it.
 START_DECADES = 1.0
 SMALLEST_RATIO, LARGEST_RATIO = 1.001, 1e7
+SMALLEST_RANGE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +61,9 @@ class Coordinates:
             if self.has_ratio and parameter.name == "r_off":
                 coordinate = coordinate + z[self.names.index("r_on")]
             found[parameter.name] = exp(coordinate) if parameter.scale == "log" else coordinate
+            if self.has_ratio and parameter.name == "r_off":
+                # A box for r_on and the ratio has a corner beyond the law's own limit.
+                found[parameter.name] = smaller(found[parameter.name], parameter.upper)
         return {name: found.get(name, self.held.get(name)) for name in self.law.parameter_names}
 
     def of_values(self, values: Mapping[str, float]) -> FloatArray:
@@ -86,13 +92,25 @@ class Coordinates:
                 a, b = math.log(SMALLEST_RATIO), math.log(LARGEST_RATIO)
             elif parameter.scale == "log":
                 reach = DECADES * math.log(10.0)
-                a, b = max(z - reach, math.log(parameter.lower)), min(z + reach, math.log(parameter.upper))
+                smallest, largest = (math.log(end) for end in self._limits(parameter))
+                a = min(max(z - reach, smallest), largest - SMALLEST_RANGE)
+                b = max(min(z + reach, largest), smallest + SMALLEST_RANGE)
             else:
-                reach = 3.0 * features.voltage if parameter.unit == "V" else math.inf
+                reach = 3.0 * max(features.voltage, parameter.lower) if parameter.unit == "V" else math.inf
                 a, b = max(parameter.lower, -reach), min(parameter.upper, reach)
             low.append(a)
             high.append(b)
         return np.array(low), np.array(high)
+
+    def _limits(self, parameter: Parameter) -> tuple[float, float]:
+        """The law's bounds of a parameter, narrowed where one that must be smaller or larger is held."""
+        low, high = parameter.lower, parameter.upper
+        for smaller_name, larger_name in ORDERED:
+            if parameter.name == smaller_name:
+                high = min(high, self.held.get(larger_name, parameter.upper) / SMALLEST_RATIO)
+            elif parameter.name == larger_name:
+                low = max(low, self.held.get(smaller_name, 0.0) * SMALLEST_RATIO)
+        return low, high
 
     def random(self, features: Features, rng: np.random.Generator) -> FloatArray:
         """Coordinates of one random start: two decades about the nominal value, or anywhere between linear bounds."""

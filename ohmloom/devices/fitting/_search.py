@@ -65,10 +65,10 @@ class Problem:
         margin = MARGIN * (self.high - self.low)
         return np.clip(z, self.low + margin, self.high - margin)
 
-    def error(self, z: FloatArray) -> float:
+    def error(self, z: FloatArray, shooting: Shooting | None = None) -> float:
         """Root of the sum of squared residuals; infinite where the law gives no number."""
         with np.errstate(all="ignore"):
-            r = self.shooting.residual(z)
+            r = (shooting or self.shooting).residual(z)
             total = float(r @ r)
         return float(np.sqrt(total)) if np.isfinite(total) else np.inf
 
@@ -105,7 +105,9 @@ def search(problem: Problem, *, screen: int, starts: int, rng: np.random.Generat
     tried: list[Start] = []
     for done, (origin, z) in enumerate(chosen):
         if origin == "regression" and problem.regression is not None:
-            z = problem.inside(problem.solve(z, problem.regression)[0])
+            z = problem.inside(z)
+            if np.isfinite(problem.error(z, problem.regression)):
+                z = problem.inside(problem.solve(z, problem.regression)[0])
         before = problem.error(z)
         if np.isfinite(before):
             end, evaluations, converged = problem.solve(z, problem.shooting)

@@ -21,6 +21,8 @@ from ohmloom.devices.measurement import Measurement
 # Rounds of Newton's rule for the device's voltage behind a series resistor, where G depends on it.
 VOLTAGE_ROUNDS = 6
 LARGEST_GROWTH = 20.0
+# An unstable state may multiply its derivatives without end; squares of these still are numbers.
+LARGEST_SLOPE = 1e100
 
 
 class Shooting:
@@ -68,7 +70,9 @@ class Shooting:
             block[:, :n] = slopes[:, :n]
             block[:, n + k] = slopes[:, n]
             blocks.append(block / size[:, None])
-        return np.concatenate(blocks)
+        with np.errstate(invalid="ignore"):
+            whole = np.concatenate(blocks)
+            return np.clip(np.nan_to_num(whole), -LARGEST_SLOPE, LARGEST_SLOPE)
 
     def current(self, z: FloatArray, sweep: int) -> FloatArray:
         """The model's current [A] in one sweep, axes (time,)."""
@@ -140,7 +144,9 @@ def _one_step(law_name: str, names: tuple[str, ...], held: tuple[tuple[str, floa
         is_small = ca.fabs(growth) < 1e-5
         safe = growth + is_small
         phi = is_small * (1.0 + 0.5 * growth) + (1 - is_small) * ca.expm1(safe) / safe
-        state = ca.fmin(ca.fmax(state + h * phi * rate, 0.0), 1.0)
+        clipped = ca.fmin(ca.fmax(state + h * phi * rate, 0.0), 1.0)
+        # The derivative is zero at the wall itself, where it would grow without end while a state is trapped.
+        state = (clipped > 0.0) * (clipped < 1.0) * clipped + (clipped >= 1.0)
     current = output(state, u[1], z, u)
     plain = ca.Function("plain", [s, z, u], [state, current])
 

@@ -72,7 +72,7 @@ def _residual(fit: Fit) -> Iterator[str]:
         yield (f"The residual is mostly error of the law, not noise: it is correlated from sample to sample (lag-1 "
                f"{largest:.2f}), so that {points} points count as {fit.n_eff:.3g} for {unknowns} unknowns. Intervals "
                "are wide for that; choose between laws by hold-out sweeps.")  # fmt: skip
-    if fit.integration_error > 0.1 * fit.relative_rms:
+    if fit.integration_error > 0.1 * fit.relative_rms > 0.0:
         yield (f"The integrator's own error is {fit.integration_error / fit.relative_rms:.0%} of the residual at "
                f"{fit.substeps} steps per sample: give the sweep finer time steps.")  # fmt: skip
 
@@ -97,7 +97,7 @@ def _data(fit: Fit) -> Iterator[str]:
         yield ("Fitted to one sweep, and nothing held out: at another frequency or amplitude the error can be ten "
                "times larger. Hold out a second sweep.")  # fmt: skip
     for sweep in fit.holdout:
-        if sweep.relative_rms > POOR_HOLDOUT * fit.relative_rms:
+        if sweep.relative_rms > POOR_HOLDOUT * fit.relative_rms > 0.0:
             yield (f"{sweep.name}, held out, is predicted {sweep.relative_rms / fit.relative_rms:.1f} times worse than "
                    f"the fit ({sweep.relative_rms:.3f} against {fit.relative_rms:.3f}): it does not "
                    "carry over.")  # fmt: skip

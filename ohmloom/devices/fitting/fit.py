@@ -23,7 +23,7 @@ from ohmloom.devices.fitting.profiles import needed_profiles, profile_of
 from ohmloom.devices.fitting.result import Fit, ProfileResult, StartResult, SweepResult, root_mean
 from ohmloom.devices.measurement import Measurement
 from ohmloom.devices.revisit import charge_revisit
-from ohmloom.errors import OperationError, ParameterError
+from ohmloom.errors import OperationError, ParameterError, expect_type
 
 SUBSTEPS, MOST_SUBSTEPS = 2, 32
 # The integrator's own error may be this share of the residual.
@@ -92,12 +92,17 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
     16000
     """
     sweeps, held_out = check_inputs(measurements, holdout, screen, starts, rng)
-    chosen = check_names(law, fixed or {}, free)
-    coordinates = choose(chosen, fixed or {}, free)
+    fixed = {} if fixed is None else fixed
+    chosen = check_names(law, fixed, free)
+    if name is not None:
+        expect_type("fit.name", name, str)
+    coordinates = choose(chosen, fixed, free)
     scale = sizes(sweeps, weights)
     _check_count(coordinates, sweeps)
-    settings = {"law": law, "fixed": dict(fixed or {}), "free": list(free), "screen": screen, "starts": starts,
-                "weights": weights if isinstance(weights, str) else list(weights)}  # fmt: skip
+    # Plain numbers: numpy's own have no form in JSON.
+    settings = {"law": law, "fixed": {key: float(value) for key, value in fixed.items()}, "free": list(free),
+                "screen": int(screen), "starts": int(starts),
+                "weights": weights if isinstance(weights, str) else [float(weight) for weight in weights]}  # fmt: skip
 
     problem = _problem(coordinates, sweeps, scale, SUBSTEPS)
     if report is not None:

@@ -49,6 +49,8 @@ def smaller(x: Any, limit: Any) -> Any:
     """The smaller of a value, which may be a symbol, and a limit."""
     if type(x) is float and type(limit) is float:
         return x if x < limit else limit
+    if hasattr(limit, "is_symbolic"):
+        return limit.fmin(x)
     return x.fmin(limit) if hasattr(x, "is_symbolic") else _smaller(x, limit)
 
 
@@ -56,6 +58,8 @@ def larger(x: Any, limit: Any) -> Any:
     """The larger of a value, which may be a symbol, and a limit."""
     if type(x) is float and type(limit) is float:
         return x if x > limit else limit
+    if hasattr(limit, "is_symbolic"):
+        return limit.fmax(x)
     return x.fmax(limit) if hasattr(x, "is_symbolic") else _larger(x, limit)
 
 
