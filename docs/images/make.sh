@@ -7,8 +7,9 @@ trap 'rm -r "$work"' EXIT
 
 ohmloom map "$net" --hardware het_mixed --out "$work/map" > /dev/null
 ohmloom replay "$net" --hardware het_mixed --seed 3 --out "$work/replay.png" > /dev/null
+ohmloom device fit pickett --series-resistance 2.4k --law tio2_threshold --holdout pickett_fast --out "$work/fit" > /dev/null
 # Fewer colours: a third of the bytes. Median cut would merge the colours of the legend, maximum coverage keeps them.
-python - "$work/map/crossbars.png" "$work/replay.png" <<'PY'
+python - "$work/map/crossbars.png" "$work/replay.png" "$work/fit/fit.png" <<'PY'
 import sys
 from pathlib import Path
 
@@ -20,12 +21,30 @@ for name in map(Path, sys.argv[1:]):
 PY
 
 mkdir -p docs/examples
+# The tables of docs/fitting.md take half an hour, and a folder of measured files that is not part of the repository.
+if [ -n "${MEASURED:-}" ]; then
+  for what in errors success coverage speed; do
+    data=
+    [ "$what" = coverage ] || data="--data $MEASURED"
+    # shellcheck disable=SC2086
+    python benchmarks/fits.py $what $data > "docs/examples/fits_$what.txt"
+  done
+fi
 command="ohmloom evaluate $net --hardware het_mixed --dies 20 --seed 1"
 { echo "\$ $command"; $command 2> /dev/null || test $? -eq 1; } > docs/examples/evaluate.txt
 python - <<'PY'
 import csv
 import re
 from pathlib import Path
+
+fitting = Path("docs/fitting.md")
+text = fitting.read_text()
+for what in ("errors", "success", "coverage", "speed"):
+    block = "```text\n" + Path(f"docs/examples/fits_{what}.txt").read_text() + "```\n"
+    marked = re.compile(rf"(<!-- {what} -->\n).*?(<!-- end -->)", re.DOTALL)
+    text, count = marked.subn(lambda found, block=block: found[1] + block + found[2], text)
+    assert count == 1, what
+fitting.write_text(text)
 
 readme = Path("README.md")
 table = "| system | goal reached from fresh starts | 95 % interval | synapses |\n|---|---|---|---|\n"

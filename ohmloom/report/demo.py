@@ -11,16 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from ohmloom._files import write_atomic
-from ohmloom.devices import Device
+from ohmloom.devices import Device, Measurement, fit
 from ohmloom.errors import Interrupted
 from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import champion
+from ohmloom.report.fit_output import save_fit
 from ohmloom.report.output import replay_network, save_plan, save_study
 from ohmloom.sim import EvolutionSettings, agreement, evolve, feasibility
 from ohmloom.units import format_quantity
 
 CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 10, 1
 EVOLUTION = EvolutionSettings(system="HET", repeats=1, population=12, generations=12, seed=SEED)
+FIT = ("peo_pani_redox", "redox", "redox_staircase")
 # Start and end of the state where each law is far from a plain resistor.
 LOOPS = {"hp_tio2_10k": (0.1, 0.9), "peo_pani": (0.001, 0.1), "linear": (0.1, 0.9)}
 PERIOD = 1.0
@@ -34,8 +36,18 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
     say("1  devices: current and voltage of three cards")
     say(f"   {_loops(out / 'loops.png')}")
 
+    law, sweep, held_out = FIT
+    say(f"2  fit: {law} to the synthetic sweep {sweep}, {held_out} held out")
+    found = fit(
+        Measurement.read_csv(sweep), law, holdout=[Measurement.read_csv(held_out)], rng=np.random.default_rng(SEED)
+    )
+    card = save_fit(found, out / "fit")[0]
+    say(f"   relative RMS {found.relative_rms:.3f}, held out {found.holdout_rms:.3f}; {card}, fit.png")
+    for warning in found.warnings:
+        say(f"   - {warning}")
+
     size = f"{EVOLUTION.population} {EVOLUTION.system} networks, {EVOLUTION.generations} generations"
-    say(f"2  evolution: {size} (compiling)")
+    say(f"3  evolution: {size} (compiling)")
     with tempfile.TemporaryDirectory() as folder:
         try:
             outcome = evolve(EVOLUTION, out=Path(folder) / "run").repeats[0]
@@ -46,17 +58,17 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
     say(f"   best fitness {outcome.best_fitness:.0f}; {out / 'evolved.net.json'}")
 
     network, hardware = champion(CHAMPION), Hardware.load(HARDWARE)
-    say(f"3  mapping: the {CHAMPION} champion, {len(network.synapses)} synapses, on {HARDWARE}")
+    say(f"4  mapping: the {CHAMPION} champion, {len(network.synapses)} synapses, on {HARDWARE}")
     paths = save_plan(place(network, hardware), out / "map")
     say(f"   {', '.join(str(path) for path in paths)}")
 
-    say("4  discrete beside emulated, every step of a trial (compiling)")
+    say("5  discrete beside emulated, every step of a trial (compiling)")
     check = agreement(network, hardware, seed=SEED)
     found = "every spike is equal" if check.exact else f"first difference: {check.first_divergence}"
     say(f"   {check.ledger.steps} steps, {check.ledger.events} events: {found}, {check.ties} ties, "
         f"weights within {check.worst_weight_error:.1e}")  # fmt: skip
 
-    say(f"5  evaluation: {DIES} dies against the ideal controller, one start each")
+    say(f"6  evaluation: {DIES} dies against the ideal controller, one start each")
     study = feasibility(network, hardware, dies=DIES, seed=SEED)
     network.save(out / f"{CHAMPION}.net.json")
     command = f"ohmloom evaluate {out / CHAMPION}.net.json --hardware {HARDWARE} --dies {DIES} --seed {SEED}"
@@ -65,7 +77,7 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
     for reason in study.reasons:
         say(f"   - {reason}")
 
-    say("6  replay: the emulated hardware drives the robot")
+    say("7  replay: the emulated hardware drives the robot")
     for name in ("replay.html", "replay.png", "replay.gif"):
         trial = replay_network(network, out / name, hardware=hardware, seed=SEED)
     say(f"   {'goal reached' if trial.solved else 'goal not reached'} in {trial.timesteps} timesteps; "
@@ -81,10 +93,8 @@ def _loops(path: Path) -> str:
     spans = []
     for axes, (name, (s0, s1)) in zip(figure.subplots(1, len(LOOPS)), LOOPS.items(), strict=True):
         device = Device.load(name)
-        s = np.linspace(s0, s1, 20001)
-        flux = device.charge_scale * float(np.trapezoid(device.memristance(s), s))
         # Half a sine of period T and amplitude V carries the flux V T / pi.
-        amplitude = np.pi * flux / PERIOD
+        amplitude = np.pi * (device.flux(s1) - device.flux(s0)) / PERIOD
         t = np.linspace(0.0, PERIOD, 401)
         trace = device.simulate(amplitude * np.sin(2 * np.pi * t / PERIOD), t, s0=s0)
         trace.plot(axes)
