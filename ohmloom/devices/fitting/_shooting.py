@@ -166,18 +166,21 @@ def _one_step(law_name: str, names: tuple[str, ...], held: tuple[tuple[str, floa
 def _device_voltage(law: Any, s: Any, v_source: Any, resistance: Any, p: Any, z: Any) -> Any:
     """Voltage of the device behind a series resistor: in closed form if G does not depend on v, else by Newton's rule.
 
-    The function whose root is sought rises and is convex for v > 0, so that the rule falls to the root from the start.
+    In logarithms, for the share of the source's voltage: where the current grows exponentially, the rule on the
+    voltage itself would come closer by a fixed amount each round only. The start is above the root.
     """
     import casadi as ca
 
     v = ca.SX.sym("v")
     g = law.conductance(s, v, p)
-    start = v_source / (1.0 + resistance * law.conductance(s, 0.0, p))
     if not ca.depends_on(g, v):
-        return start
-    excess = v + resistance * g * v - v_source
-    step = ca.Function("step", [v, s, v_source, resistance, z], [v - excess / ca.gradient(excess, v)])
-    found = start
+        return v_source / (1.0 + resistance * g)
+    share = ca.SX.sym("share")
+    whole = 1.0 + resistance * g
+    step = ca.Function("step", [v, share, s, resistance, z], [
+        share * ca.exp(-ca.log(share * whole) / (1.0 + v * ca.gradient(whole, v) / whole))
+    ])  # fmt: skip
+    found = 1.0 / (1.0 + resistance * law.conductance(s, 0.0, p))
     for _ in range(VOLTAGE_ROUNDS):
-        found = step(found, s, v_source, resistance, z)
-    return found
+        found = step(v_source * found, found, s, resistance, z)
+    return v_source * found

@@ -28,8 +28,8 @@ def make_device(law, **changed):
         CardValue(value=values.get(p.name, p.default), source="made up") for p in LAWS[law].parameters))  # fmt: skip
 
 
-def make_sweep(law, seed=1, *, noise=NOISE, points=200, s0=None, amplitude=None, period=None, name=None, correlation=0.0,
-               **changed):  # fmt: skip
+def make_sweep(law, seed=1, *, noise=NOISE, points=200, s0=None, amplitude=None, period=None, name=None,
+               correlation=0.0, **changed):  # fmt: skip
     _, default_amplitude, default_period, default_s0 = TRUTHS[law]
     amplitude, period = amplitude or default_amplitude, period or default_period
     t = np.linspace(0.0, period, points)
