@@ -63,6 +63,33 @@ def checked_function(where: str, voltage: Callable[[float], Any], t: FloatArray)
     return drive
 
 
+def rising_times(where: str, t: Any) -> FloatArray:
+    """`t` as times in s that strictly increase, at least two."""
+    times = series(f"{where}: t", t, "s")
+    if times.size < 2 or not (np.diff(times) > 0).all():
+        raise ParameterError(
+            f"{where}: t: expected at least two times in s, strictly increasing, "
+            f"got {times.size} with smallest step {np.diff(times).min(initial=math.inf):.6g} s. "
+            "Sort them and drop repeats."
+        )
+    check_size(f"{where}: t", times, LARGEST_TIME, "s")
+    return times
+
+
+def drive_over(where: str, voltage: Any, t: FloatArray) -> Callable[[float], float]:
+    """The voltage as a function of time: the caller's own, checked at each call, or linear between samples."""
+    if callable(voltage):
+        return checked_function(f"{where}: voltage", voltage, t)
+    v = series(f"{where}: voltage", voltage, "V")
+    check_size(f"{where}: voltage", v, LARGEST_VOLTAGE, "V")
+    if v.shape != t.shape:
+        raise ParameterError(
+            f"{where}: voltage: expected axes (time,) as long as t, {t.size}, got {v.size}. "
+            "Give one value in V per time, or a function of the time."
+        )
+    return lambda time: float(np.interp(time, t, v))
+
+
 def like_input(array: Any) -> Any:
     """A float for what came from floats, else the array."""
     return float(array) if np.ndim(array) == 0 else array

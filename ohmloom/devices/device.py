@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import html
 import json
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,14 +13,11 @@ import numpy as np
 from ohmloom._arrays import FloatArray
 from ohmloom._files import sha256, write_atomic
 from ohmloom.devices._checks import (
-    LARGEST_TIME,
-    LARGEST_VOLTAGE,
     check_number,
-    check_size,
-    checked_function,
+    drive_over,
     finite,
     like_input,
-    series,
+    rising_times,
 )
 from ohmloom.devices.card import Card, CardValue, DataFile, read_card, shipped_names, write_card
 from ohmloom.devices.laws import LAWS
@@ -276,16 +271,9 @@ class Device:
             expect_type(f"{where}: {field}", value, str, name="a name")
             if value not in known:
                 raise UnknownNameError.of(f"{where}: {field}", value, known)
-        times = series(f"{where}: t", t, "s")
-        if times.size < 2 or not (np.diff(times) > 0).all():
-            raise ParameterError(
-                f"{where}: t: expected at least two times in s, strictly increasing, "
-                f"got {times.size} with smallest step {np.diff(times).min(initial=math.inf):.6g} s. "
-                "Sort them and drop repeats."
-            )
-        check_size(f"{where}: t", times, LARGEST_TIME, "s")
+        times = rising_times(where, t)
         start = float(self._state("s0", s0, ndim=0))
-        drive = self._drive(voltage, times)
+        drive = drive_over(where, voltage, times)
         v = np.array([drive(time) for time in times.tolist()])
         law, is_function = LAWS[self.law], callable(voltage)
         if method == "closed_form":
@@ -362,18 +350,6 @@ class Device:
                 f"Divide a charge by charge_scale = {self.charge_scale:.6g} C."
             )
         return state
-
-    def _drive(self, voltage: Any, t: FloatArray) -> Callable[[float], float]:
-        if callable(voltage):
-            return checked_function(f"{self.name}.simulate: voltage", voltage, t)
-        v = series(f"{self.name}.simulate: voltage", voltage, "V")
-        check_size(f"{self.name}.simulate: voltage", v, LARGEST_VOLTAGE, "V")
-        if v.shape != t.shape:
-            raise ParameterError(
-                f"{self.name}.simulate: voltage: expected axes (time,) as long as t, {t.size}, got {v.size}. "
-                "Give one value in V per time, or a function of the time."
-            )
-        return lambda time: float(np.interp(time, t, v))
 
     def _ideal(self, field: str, need: str = "only an ideal one has a flux") -> tuple[Any, Any]:
         """The law's `flux` and `state_at_flux`."""

@@ -41,9 +41,9 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
     found = fit(
         Measurement.read_csv(sweep), law, holdout=[Measurement.read_csv(held_out)], rng=np.random.default_rng(SEED)
     )
-    card = save_fit(found, out / "fit")[0]
-    say(f"   relative RMS {found.relative_rms:.3f}, held out {found.holdout_rms:.3f}; {card}, fit.png")
-    for warning in found.warnings:
+    card = save_fit(fitted, out / "fit")[0]
+    say(f"   relative RMS {fitted.relative_rms:.3f}, held out {fitted.holdout_rms:.3f}; {card}, fit.png")
+    for warning in fitted.warnings:
         say(f"   - {warning}")
 
     size = f"{EVOLUTION.population} {EVOLUTION.system} networks, {EVOLUTION.generations} generations"
