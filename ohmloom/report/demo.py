@@ -38,7 +38,7 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
 
     law, sweep, held_out = FIT
     say(f"2  fit: {law} to the synthetic sweep {sweep}, {held_out} held out")
-    found = fit(
+    fitted = fit(
         Measurement.read_csv(sweep), law, holdout=[Measurement.read_csv(held_out)], rng=np.random.default_rng(SEED)
     )
     card = save_fit(fitted, out / "fit")[0]
