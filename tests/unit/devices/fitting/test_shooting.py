@@ -65,7 +65,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(law, resistance):
     assert (np.linalg.norm(exact - differences, axis=0) < 1e-5 * scale).all()
 
 
-@pytest.mark.parametrize("law", ["hp_linear", "hp_biolek", "peo_pani_mirror", "tio2_threshold", "peo_pani_redox"])
+@pytest.mark.parametrize("law", ["hp_linear", "peo_pani_mirror", "tio2_threshold", "peo_pani_redox"])
 def test_current_is_that_of_simulate_and_errors_fall_with_the_square_of_the_step(law, device):
     sweep = drive(0.4, points=61)
     reference = device(law, **VALUES[law]).simulate(sweep.v, sweep.t, s0=0.41).i
