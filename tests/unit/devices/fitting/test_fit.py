@@ -106,8 +106,12 @@ def test_save_and_load(linear, tmp_path):
     linear.save(path)
     assert Fit.load(path) == linear
     text = path.read_text()
-    for damaged in (text[:-40], text.replace('"version": 1', '"version": 2'),
-                    text.replace('"law": "linear"', '"law": 3'), text.replace("[parameters.r_on]", "[parameters.r_up]")):  # fmt: skip
+    changes = [
+        ('"version": 1', '"version": 2'),
+        ('"law": "linear"', '"law": 3'),
+        ("[parameters.r_on]", "[parameters.x]"),
+    ]
+    for damaged in (text[:-40], *(text.replace(old, new) for old, new in changes)):
         path.write_text(damaged)
         with pytest.raises(FileFormatError, match=r"fit\.json"):
             Fit.load(path)

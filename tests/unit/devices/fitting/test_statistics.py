@@ -103,28 +103,25 @@ def test_a_wall_that_was_never_near_leaves_its_resistance_open(sweep):
     found = fit(sweep("hp_linear", s0=0.3, beta=10.0), "hp_linear", rng=np.random.default_rng(0), **QUICK)
     told = [text for text in found.warnings if text.startswith("r_on ")]
     assert len(told) == 1
-    assert (
-        "is not determined by this sweep: any value from" in told[0]
-        or "has no lower limit in this sweep: any value" in told[0]
-    )
+    assert told[0].startswith(("r_on is not determined by this sweep: any value ", "r_on has no lower limit in this "))
     assert told[0].endswith("fits as well.")
 
 
 def test_a_combination_that_the_data_do_not_see_is_named(sweep):
     """Without walls an ideal law's loop holds M0 and dM/dq only: r_off, beta and s0 trade off."""
     found = fit(sweep("hp_linear", s0=0.5, beta=1.0), "hp_linear", rng=np.random.default_rng(0), **QUICK)
-    assert found.condition is None or found.condition > 1e3
+    assert found.condition is None or found.condition > 1e4
     told = [text for text in found.warnings if text.startswith("The data hardly see one combination of the unknowns, ")]
-    if found.condition is None or found.condition >= 1e4:
-        assert len(told) == 1
-        assert max(found.weakest, key=lambda name: abs(found.weakest[name])) in told[0]
+    assert len(told) == 1
+    assert max(found.weakest, key=lambda name: abs(found.weakest[name])) in told[0]
+    assert abs(found.weakest["r_on"]) < 0.2  # it is the three others that trade off
     assert sum(share**2 for share in found.weakest.values()) == pytest.approx(1.0)
 
 
-def test_a_parameter_at_a_bound_is_named(sweep):
-    found = fit(sweep("peo_pani_mirror"), "peo_pani_redox", free=["mirror"], rng=np.random.default_rng(0), **QUICK)
-    assert set(found.at_bound) <= {*found.fitted, "s0"}
-    loop = sweep("linear", s0=0.0)
-    at_wall = fit(loop, "linear", rng=np.random.default_rng(0), **QUICK)
-    if at_wall.sweeps[0].s0 < 1e-3:
-        assert "s0" in at_wall.at_bound
+def test_a_start_state_at_its_wall_is_named_and_bounded_on_one_side(sweep):
+    found = fit(sweep("linear", s0=0.0), "linear", rng=np.random.default_rng(0), **QUICK)
+    assert found.at_bound == ("s0",)
+    low, high = found.sweeps[0].s0_interval
+    assert low == 0.0
+    assert high < 0.01
+    assert any(text.startswith("s0 has no lower limit in this sweep: any value below 0.00") for text in found.warnings)
