@@ -219,13 +219,20 @@ def _constrained(
         jacobian = problem.shooting.jacobian(whole(y))
         return np.asarray(jacobian[:, others] - np.outer(jacobian[:, k], direction[others] / direction[k]))
 
-    start = problem.inside(z)[others]
+    low, high = problem.low[others].copy(), problem.high[others].copy()
+    for j in np.flatnonzero(direction[others]):
+        # What follows must stay in its own range too: r_off above r_on.
+        low[j] = max(low[j], value - problem.high[k])
+        high[j] = min(high[j], value - problem.low[k])
+        if not low[j] < high[j]:
+            return z, np.inf
+    start = np.clip(problem.inside(z)[others], low, high)
     with np.errstate(all="ignore"):
         if not len(others):
             end = whole(start)
         else:
             found = least_squares(lambda y: problem.shooting.residual(whole(y)), start, slopes, method="trf",
-                                  bounds=(problem.low[others], problem.high[others]),
+                                  bounds=(low, high),
                                   max_nfev=PROFILE_EVALUATIONS, ftol=tolerance)  # fmt: skip
             end = whole(found.x)
     return end, problem.error(end)

@@ -107,6 +107,13 @@ def test_a_wall_that_was_never_near_leaves_its_resistance_open(sweep):
     assert told[0].endswith("fits as well.")
 
 
+def test_a_profile_of_r_off_stays_above_r_on(sweep):
+    """Where little is known, r_off still is at least the largest memristance that was seen, about 1.1 kOhm."""
+    found = fit(sweep("hp_linear", s0=0.3, beta=10.0), "hp_linear", rng=np.random.default_rng(0), **QUICK)
+    assert found.profiles["r_off"].interval[0] > 900.0
+    assert not any(text.startswith("r_off has no lower limit") for text in found.warnings)
+
+
 def test_a_combination_that_the_data_do_not_see_is_named(sweep):
     """Without walls an ideal law's loop holds M0 and dM/dq only: r_off, beta and s0 trade off."""
     found = fit(sweep("hp_linear", s0=0.5, beta=1.0), "hp_linear", rng=np.random.default_rng(0), **QUICK)
