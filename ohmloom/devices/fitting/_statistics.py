@@ -16,6 +16,8 @@ AT_BOUND = 1e-3
 # Relative size of a column of the Jacobian, or of a singular value, under which the data say nothing of it.
 BLIND = 1e-9
 SMALLEST_FREEDOM = 5.0
+# Width of the range that is left to a coordinate at a corner.
+CORNER = 1e-9
 PROFILE_POINTS, PROFILE_EVALUATIONS = 40, 60
 PROFILE_STEP = 0.5  # of a standard deviation
 # Longest step, in a logarithm or a linear parameter's unit, and as a share of the way to the bound.
@@ -138,7 +140,8 @@ def scan(problem: Problem, z: FloatArray, direction: FloatArray, limits: tuple[f
     ceiling = best * uncertainty.ceiling
     sides = [_walk(problem, z, direction, middle, limit, best, ceiling, uncertainty) for limit in limits]
     below, above = sides
-    points = [*reversed(below[0]), (middle, best), *above[0]]
+    # Where the law gives no number there is nothing to draw.
+    points = [point for point in (*reversed(below[0]), (middle, best), *above[0]) if np.isfinite(point[1])]
     return Scan(
         coordinate=np.array([point[0] for point in points]), error=np.array([point[1] for point in points]),
         low=below[1], high=above[1], is_open=(below[2], above[2]),
@@ -224,8 +227,8 @@ def _constrained(
         # What follows must stay in its own range too: r_off above r_on.
         low[j] = max(low[j], value - problem.high[k])
         high[j] = min(high[j], value - problem.low[k])
-        if not low[j] < high[j]:
-            return z, np.inf
+        # At an end of the range only a corner is left.
+        low[j], high[j] = min(low[j], high[j]) - CORNER, max(low[j], high[j]) + CORNER
     start = np.clip(problem.inside(z)[others], low, high)
     with np.errstate(all="ignore"):
         if not len(others):
