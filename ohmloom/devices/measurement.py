@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -88,6 +89,9 @@ class Measurement:
         """Freeze the arrays and check them."""
         for name in ("name", "file", "sha256"):
             expect_type(f"Measurement.{name}", getattr(self, name), str)
+        if self.sha256 and not re.fullmatch("[0-9a-f]{64}", self.sha256):
+            raise ParameterError(f"Measurement.sha256: expected 64 hexadecimal digits or nothing, got "
+                                 f"{shown(self.sha256)}. Leave it out.")  # fmt: skip
         resistance = _resistance("Measurement.series_resistance", self.series_resistance)
         object.__setattr__(self, "series_resistance", resistance)
         if self.frequency is not None:

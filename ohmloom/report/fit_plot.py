@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 # Colours of Okabe and Ito (2008), told apart with any colour vision; a sweep has one in all panels.
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
-ORIGINS: Final = {"screened": ("#0072b2", "o"), "nominal": ("#d55e00", "s"), "regression": ("#009e73", "^")}
+ORIGINS: Final = {"screened": ("#0072b2", "o"), "nominal": ("#d55e00", "s"), "regression": ("#009e73", "^"),
+                  "profile": ("#cc79a7", "D")}  # fmt: skip
 MEASURED: Final = "#8a9099"
 SMALL: Final = 8
 PANEL: Final = 2.5  # inches; three fit across two columns of a journal

@@ -40,6 +40,9 @@ def check_names(law: Any, fixed: Mapping[str, float], free: Sequence[str]) -> La
     if law not in LAWS:
         raise UnknownNameError.of("fit.law", law, LAWS)
     chosen = LAWS[law]
+    if not chosen.is_fittable:
+        raise ParameterError(f"fit.law: expected a law to fit, got {law}, a generator of reference data whose "
+                             "derivatives are too long. Fit tio2_threshold to such data.")  # fmt: skip
     by_name = {p.name: p for p in chosen.parameters}
     expect_type("fit.fixed", fixed, Mapping)
     if isinstance(free, str) or not isinstance(free, Sequence):

@@ -13,7 +13,7 @@ from ohmloom.devices.fitting._coordinates import Coordinates
 from ohmloom.devices.fitting._features import Features
 from ohmloom.devices.fitting._shooting import Shooting
 
-Origin = Literal["screened", "nominal", "regression"]
+Origin = Literal["screened", "nominal", "regression", "profile"]
 # A start keeps this share of the range from its bounds, where the trust region would not move.
 MARGIN = 1e-6
 NOMINAL_STATE = 0.3
@@ -29,8 +29,8 @@ class Start:
     Attributes
     ----------
     origin
-        "screened" (a random start that did well at once), "nominal" (sizes from the data) or "regression" (solved
-        first with the measured current moving the state).
+        "screened" (a random start that did well at once), "nominal" (sizes from the data), "regression" (solved
+        first with the measured current moving the state) or "profile" (met on the way of a profile).
     before, after
         Relative RMS at the start and at the end of the local solution.
     evaluations

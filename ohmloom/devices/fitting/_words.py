@@ -10,6 +10,7 @@ from ohmloom.units import format_quantity
 
 ILL_CONDITIONED = 1e4
 FEW_POINTS = 10.0  # effective points for each unknown
+USELESS = 0.5
 LARGE_OFFSET = 0.01
 POOR_HOLDOUT = 2.0
 SAME = 1.05  # a start within 5 % of the best reached it
@@ -18,6 +19,9 @@ SHARE = 0.2  # smallest share of a direction that is worth naming
 
 def warnings_for(fit: Fit) -> Iterator[str]:
     """Warnings, the gravest first."""
+    if fit.relative_rms > USELESS:
+        yield (f"{fit.law} does not describe {_sweeps(fit)}: its error is {fit.relative_rms:.0%} of the current. "
+               "Compare other laws, and check units, times and the sign of the current.")  # fmt: skip
     yield from _undetermined(fit)
     yield from _at_bounds(fit)
     yield from _trade_off(fit)

@@ -12,8 +12,9 @@ import numpy as np
 import pydantic
 
 from ohmloom._files import StrictModel, advise, check_format, parse_json, read_bytes, validate, write_atomic
-from ohmloom.devices.fitting._checks import Weights, check_inputs, check_names
-from ohmloom.devices.fitting.fit import fit
+from ohmloom.devices.fitting._checks import Weights, check_inputs, check_names, sizes
+from ohmloom.devices.fitting._coordinates import choose
+from ohmloom.devices.fitting.fit import check_count, fit
 from ohmloom.devices.fitting.result import LARGEST_FILE, Fit
 from ohmloom.devices.measurement import Measurement
 from ohmloom.errors import FileFormatError, ParameterError, expect_type
@@ -94,12 +95,13 @@ def compare(measurements: Measurement | Sequence[Measurement], laws: Sequence[st
     ParameterError, UnknownNameError, OperationError
         As `fit`; or if `laws` is empty or names one twice.
     """
-    check_inputs(measurements, holdout, screen, starts, rng)
+    sweeps, _ = check_inputs(measurements, holdout, screen, starts, rng)
+    sizes(sweeps, weights)
     if isinstance(laws, str) or not isinstance(laws, Sequence) or not laws:
         raise ParameterError("compare.laws: expected the names of at least one law in a list, got none. Name some.")
     for law in laws:
         expect_type("compare.laws", law, str)
-        check_names(law, {}, ())
+        check_count(choose(check_names(law, {}, ()), {}, ()), sweeps)
         if laws.count(law) > 1:
             raise ParameterError(f"compare.laws: expected each law once, got {law!r} twice. Remove one.")
     seed = int(rng.integers(2**63))

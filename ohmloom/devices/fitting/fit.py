@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -26,6 +25,8 @@ from ohmloom.devices.revisit import charge_revisit
 from ohmloom.errors import OperationError, ParameterError, expect_type
 
 SUBSTEPS, MOST_SUBSTEPS = 2, 32
+# Times that the fit may start again from a better point that a profile met.
+RESTARTS = 3
 # The integrator's own error may be this share of the residual.
 INTEGRATION_SHARE = 0.02
 SMALLEST_ERROR = 1e-6
@@ -68,7 +69,7 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
     name
         Name of the fitted device; by default the law's and the first sweep's.
     report
-        Called with (0, starts, inf) once all is checked, and after each start with (solved, number of starts, best
+        Called once all is checked with (0, 1, infinity), and after each start with (solved, number of starts, best
         relative RMS so far).
 
     Raises
@@ -98,7 +99,7 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
         expect_type("fit.name", name, str)
     coordinates = choose(chosen, fixed, free)
     scale = sizes(sweeps, weights)
-    _check_count(coordinates, sweeps)
+    check_count(coordinates, sweeps)
     # Plain numbers: numpy's own have no form in JSON.
     settings = {"law": law, "fixed": {key: float(value) for key, value in fixed.items()}, "free": list(free),
                 "screen": int(screen), "starts": int(starts),
@@ -106,7 +107,7 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
 
     problem = _problem(coordinates, sweeps, scale, SUBSTEPS)
     if report is not None:
-        report(0, starts, math.inf)
+        report(0, 1, math.inf)
     tried = search(problem, screen=screen, starts=starts, rng=rng, report=report)
     if not tried:
         raise OperationError(
@@ -114,11 +115,31 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
             "the sweeps, or fix parameters that are known."
         )
     problem, z, tried, integration_error = _refine(problem, tried)
-    uncertainty = assess(problem, z)
     names = (*coordinates.names, *start_names(sweeps))
-    wanted = range(len(names)) if profile else needed_profiles(problem, z, uncertainty)
-    profiles = {names[k]: profile_of(problem, z, k, uncertainty) for k in wanted}
+    for left in reversed(range(RESTARTS + 1)):
+        uncertainty = assess(problem, z)
+        wanted = range(len(names)) if profile else needed_profiles(problem, z, uncertainty)
+        profiles, better = _profiles(problem, z, uncertainty, {names[k]: k for k in wanted}, must_end=left == 0)
+        if better is None:
+            break
+        # A profile went lower than the optimum: that was none.
+        before = problem.error(better)
+        z = problem.polish(better)
+        tried += (Start(origin="profile", before=before, after=problem.error(z), evaluations=0, has_converged=True,
+                        coordinates=tuple(z.tolist())),)  # fmt: skip
     return _result(problem, z, tried, uncertainty, names, profiles, held_out, settings, integration_error, name)
+
+
+def _profiles(
+    problem: Problem, z: FloatArray, uncertainty: Uncertainty, wanted: Mapping[str, int], *, must_end: bool
+) -> tuple[dict[str, ProfileResult], FloatArray | None]:
+    """Profiles by name, or a point that is better than `z`, unless they must end here."""
+    profiles = {}
+    for name, k in wanted.items():
+        profiles[name], better = profile_of(problem, z, k, uncertainty)
+        if better is not None and not must_end:
+            return {}, better
+    return profiles, None
 
 
 def start_names(sweeps: Sequence[Measurement]) -> tuple[str, ...]:
@@ -126,8 +147,8 @@ def start_names(sweeps: Sequence[Measurement]) -> tuple[str, ...]:
     return ("s0",) if len(sweeps) == 1 else tuple(f"s0 of {sweep.name}" for sweep in sweeps)
 
 
-def _check_count(coordinates: Coordinates, sweeps: tuple[Measurement, ...]) -> None:
-
+def check_count(coordinates: Coordinates, sweeps: tuple[Measurement, ...]) -> None:
+    """Refuse sweeps with no more points than there are unknowns."""
     unknowns, points = len(coordinates.free) + len(sweeps), sum(len(sweep.t) for sweep in sweeps)
     if points <= unknowns:
         listed = ", ".join((*coordinates.names, *start_names(sweeps)))
@@ -259,9 +280,6 @@ def _predict(problem: Problem, z: FloatArray, sweep: Measurement) -> SweepResult
     """A hold-out sweep: the parameters as fitted, the start state alone free."""
     n = len(problem.coordinates.free)
     one = _problem(problem.coordinates, (sweep,), sizes((sweep,), "relative"), problem.shooting.substeps)
-    # The parameters are held where they are, whatever bounds this sweep's own sizes would suggest.
-    low, high = np.concatenate([z[:n], [0.0]]), np.concatenate([z[:n], [1.0]])
-    one = replace(one, low=low - 1e-12 * np.abs(low) - 1e-15, high=high + 1e-12 * np.abs(high) + 1e-15)
 
     def error(s0: float) -> float:
         return one.error(np.concatenate([z[:n], [s0]]))

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from ohmloom._arrays import FloatArray
+from ohmloom.devices.fitting._scan import scan
 from ohmloom.devices.fitting._search import Problem
-from ohmloom.devices.fitting._statistics import Uncertainty, scan
+from ohmloom.devices.fitting._statistics import Uncertainty
 from ohmloom.devices.fitting.result import ProfileResult
 
 # Beyond these half widths (a factor of 3, or a fifth of the state's range) an interval from the covariance is a
@@ -43,8 +44,10 @@ def direction_of(problem: Problem, k: int) -> FloatArray:
     return direction
 
 
-def profile_of(problem: Problem, z: FloatArray, k: int, uncertainty: Uncertainty) -> ProfileResult:
-    """Profile of the k-th unknown (a fitted parameter, or a start state) from the optimum `z`."""
+def profile_of(
+    problem: Problem, z: FloatArray, k: int, uncertainty: Uncertainty
+) -> tuple[ProfileResult, FloatArray | None]:
+    """Profile of the k-th unknown (a fitted parameter, or a start state) from `z`; a better point, if one was met."""
     direction = direction_of(problem, k)
     limits = (float(direction @ problem.low), float(direction @ problem.high))
     found = scan(problem, z, direction, limits, uncertainty)
@@ -54,8 +57,9 @@ def profile_of(problem: Problem, z: FloatArray, k: int, uncertainty: Uncertainty
     def value(coordinate: float) -> float:
         return math.exp(coordinate) if is_log else coordinate
 
-    return ProfileResult(
+    profile = ProfileResult(
         values=tuple(value(x) for x in found.coordinate.tolist()), relative_rms=tuple(found.error.tolist()),
         limit=problem.error(z) * uncertainty.ceiling, interval=(value(found.low), value(found.high)),
         is_open=found.is_open,
     )  # fmt: skip
+    return profile, found.better

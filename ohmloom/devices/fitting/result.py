@@ -33,9 +33,9 @@ Pair = Annotated[tuple[float, float], pydantic.Strict(False)]
 class StartResult(StrictModel):
     """One start of the search, and where its local solution ended.
 
-    ``origin``: "screened" (a random start that did well at once), "nominal" (sizes read from the data) or
-    "regression" (solved first with the measured current moving the state). ``before``, ``after``: relative RMS.
-    ``parameters``: where it ended, SI, by name.
+    ``origin``: "screened" (a random start that did well at once), "nominal" (sizes read from the data), "regression"
+    (solved first with the measured current moving the state) or "profile" (met on the way of a profile, which went
+    lower than the fit that it began from). ``before``, ``after``: relative RMS. ``parameters``: where it ended, SI.
     """
 
     origin: Origin

@@ -52,6 +52,8 @@ class Law:
         ``(s, v, i, p) -> dq/dt`` in A: the rate of the state charge, before walls.
     charge_scale
         ``(p) -> q_d`` in C: the state charge between the two walls.
+    is_fittable
+        False for a law that is too long to fit: its exact derivatives would take minutes for each residual.
     flux, state_at_flux
         ``(s, p) -> phi`` in Wb, the integral of v that takes the state from 0 to `s`, and its inverse ``(phi, p)
         -> s``. Only an ideal memristor has them, where ``dq/dt = i`` and G depends on `s` alone; else None.
@@ -66,6 +68,7 @@ class Law:
     charge_rate: Callable[[Value, Value, Value, Parameters], Any]
     charge_scale: Callable[[Parameters], Any]
     doc: str
+    is_fittable: bool = True
     flux: Callable[[Value, Parameters], Any] | None = None
     state_at_flux: Callable[[Value, Parameters], Any] | None = None
 

@@ -118,5 +118,6 @@ LAW = Law(
     conductance=conductance,
     charge_rate=charge_rate,
     charge_scale=charge_scale,
+    is_fittable=False,
     doc="Pickett: HP's TiO2 as a tunnel gap moved by the current (reference generator)",
 )
