@@ -1,12 +1,12 @@
-"""Fits that a reader can check: errors, how often the search succeeds, whether intervals hold, and the time against SciPy.
+"""Fits that a reader can check: errors, success of the search, truth of the intervals, time against SciPy.
 
     python benchmarks/fits.py errors   [--data FOLDER]     relative RMS of named fits
     python benchmarks/fits.py success  [--data FOLDER]     share of 20 independent searches within 5 % of the best
     python benchmarks/fits.py coverage [--seeds 100]       each true parameter inside its 95 % interval, how often
-    python benchmarks/fits.py speed    [--data FOLDER]     one local fit: exact derivatives against solve_ivp and differences
+    python benchmarks/fits.py speed    [--data FOLDER]     one local fit: exact derivatives, or solve_ivp and differences
 
-FOLDER holds measured files that ohmloom may not ship (`docs/fits.md` names them); without it their rows are left out, and the
-output says so. All else is made here or lies in examples/measurements.
+FOLDER holds measured files that ohmloom may not ship (docs/fitting.md names them); without it their rows are left out,
+and the output says so. All else is made here or lies in examples/measurements.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ def errors(data: Path | None, seed: int) -> None:
             left = sweeps[k]
             assert left is not None
             found = fit(rest, law, rng=np.random.default_rng(seed), holdout=[left])
-            print(f"{'':20}{found.relative_rms:.3f} on the other two, held out {left.name[9:]}: {found.holdout_rms:.3f}",
-                  flush=True)  # fmt: skip
+            print(f"{'':20}{found.relative_rms:.3f} on the other two, held out {left.name[9:]}: "
+                  f"{found.holdout_rms:.3f}", flush=True)  # fmt: skip
 
 
 def success(data: Path | None, seed: int) -> None:

@@ -5,18 +5,42 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass
 from dataclasses import replace as replace_fields
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom.circuits._line_solver import solve
-from ohmloom.circuits._lines import Lines, make_lines
+from ohmloom.circuits._lines import make_lines
 from ohmloom.errors import ParameterError, UnknownNameError, expect_number, expect_type, shown
 from ohmloom.units import format_quantity
 
 Drive = Literal["left", "both"]
 Sense = Literal["bottom", "both"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Side:
+    """One set of lines: resistance of a segment, terminations (line, end=2) [S], and what they hold [V]."""
+
+    segment: float
+    ends: FloatArray
+    held: FloatArray
+
+    def violation(self, x: FloatArray, device: FloatArray) -> float:
+        """Largest sum of currents out of a node, or of a line without resistance; axes (..., line, node)."""
+        finite = np.where(np.isinf(self.ends), 0.0, self.ends)
+        terminal = finite * (np.stack([x[..., 0], x[..., -1]], axis=-1) - self.held)
+        if self.segment == 0.0:
+            total = device.sum(axis=-1) + terminal.sum(axis=-1)
+            return float(np.abs(np.where(np.isinf(self.ends).any(axis=-1), 0.0, total)).max())
+        out, along = device.copy(), np.diff(x, axis=-1) / self.segment
+        out[..., :-1] -= along
+        out[..., 1:] += along
+        out[..., 0] += terminal[..., 0]
+        out[..., -1] += terminal[..., 1]
+        return float(np.abs(out).max())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,8 +55,6 @@ class Read:
         Potential of each crosspoint's node on its row and on its column [V], axes (..., word_line, bit_line).
     device_current
         Through each device, from row to column [A], the same axes.
-    residual
-        Largest violation of Kirchhoff's current law at any node, over the largest current in any device.
     iterations
         Of the conjugate gradients; 0 where no line needs any.
     """
@@ -41,8 +63,16 @@ class Read:
     v_row: FloatArray
     v_column: FloatArray
     device_current: FloatArray
-    residual: float
     iterations: int
+    _sides: tuple[_Side, _Side]
+
+    @cached_property
+    def residual(self) -> float:
+        """Largest violation of Kirchhoff's current law at any node, over the largest current in any device."""
+        turned = np.swapaxes(self.v_column, -1, -2), -np.swapaxes(self.device_current, -1, -2)
+        worst = max(self._sides[0].violation(self.v_row, self.device_current), self._sides[1].violation(*turned))
+        largest = float(np.abs(self.device_current).max())
+        return worst / largest if largest > 0.0 else worst
 
     @property
     def device_power(self) -> FloatArray:
@@ -161,7 +191,7 @@ class Crossbar:
         """The same array driven at the senses and sensed at the drivers: `v` axes (..., bit_line).
 
         The result's `current` has axes (..., word_line), positive into what were the drivers; its potentials keep
-        the axes (..., word_line, bit_line), and its device currents count from column to row. By reciprocity its
+        the axes (..., word_line, bit_line), and its device currents count from row to column. By reciprocity its
         operator is the transpose of `operator`.
         """
         turned = Crossbar(
@@ -175,8 +205,12 @@ class Crossbar:
         def back(x: FloatArray) -> FloatArray:
             return np.swapaxes(x[..., ::-1, ::-1], -1, -2)
 
+        rows, columns = read._sides
+        flipped = tuple(_Side(segment=side.segment, ends=side.ends[::-1, ::-1], held=side.held[..., ::-1, ::-1])
+                        for side in (columns, rows))  # fmt: skip
         return replace_fields(read, current=read.current[..., ::-1], v_row=back(read.v_column),
-                              v_column=back(read.v_row), device_current=back(read.device_current))  # fmt: skip
+                              v_column=back(read.v_row), device_current=-back(read.device_current),
+                              _sides=(flipped[0], flipped[1]))  # fmt: skip
 
     def operator(self) -> FloatArray:
         """The exact linear map from row voltages to column currents [S], axes (..., word_line, bit_line).
@@ -205,7 +239,10 @@ class Crossbar:
         else:
             g = np.broadcast_to(self.conductance, (*batch, m, n)).reshape(-1, m, n)
             volts = np.broadcast_to(v, (*batch, m)).reshape(1, -1, m)
-        rows, columns = self._rows(g, volts), self._columns(g, volts.shape[:2])
+        sides = self._sides(volts)
+        rows = make_lines(g, self.r_row, sides[0].ends, sides[0].held)
+        turned = np.ascontiguousarray(np.swapaxes(g, -1, -2))
+        columns = make_lines(turned, self.r_column, sides[1].ends, sides[1].held)
         start = None
         if guess is not None:
             expect_type("Crossbar.read: guess", guess, Read)
@@ -218,35 +255,21 @@ class Crossbar:
         current = device.sum(axis=-2)
         # Nothing leaves a column that floats at both ends, but for rounding.
         current[..., np.isinf(self.r_sense)] = 0.0
-        residual = self._residual(u, w, device, volts)
         shape = (*batch, m, n)
+        sides = self._sides(np.broadcast_to(v, (*batch, m)))
         return Read(
             current=_locked(current.reshape(*batch, n)), v_row=_locked(u.reshape(shape)),
-            v_column=_locked(w.reshape(shape)), device_current=_locked(device.reshape(shape)), residual=residual,
-            iterations=iterations,
+            v_column=_locked(w.reshape(shape)), device_current=_locked(device.reshape(shape)),
+            iterations=iterations, _sides=sides,
         )  # fmt: skip
 
-    def _rows(self, g: FloatArray, volts: FloatArray) -> Lines:
-        ends = _ends(self.r_row + self.r_driver, near_is_first=True, both=self.drive == "both")
-        held = np.repeat(volts[..., None], 2, axis=-1)
-        return make_lines(g, self.r_row, ends, held)
-
-    def _columns(self, g: FloatArray, lead: tuple[int, ...]) -> Lines:
-        ends = _ends(self.r_column + self.r_sense, near_is_first=False, both=self.sense == "both")
-        turned = np.ascontiguousarray(np.swapaxes(g, -1, -2))
-        return make_lines(turned, self.r_column, ends, np.zeros((*lead, self.shape[1], 2)))
-
-    def _residual(self, u: FloatArray, w: FloatArray, device: FloatArray, volts: FloatArray) -> float:
-        """Largest sum of currents out of a node, or out of a line without resistance, over the largest current."""
+    def _sides(self, volts: FloatArray) -> tuple[_Side, _Side]:
+        """Rows, driven by `volts`, axes (..., word_line), and columns, held at ground."""
         rows = _ends(self.r_row + self.r_driver, near_is_first=True, both=self.drive == "both")
         columns = _ends(self.r_column + self.r_sense, near_is_first=False, both=self.sense == "both")
-        held = np.repeat(volts[..., None], 2, axis=-1)
-        worst = max(
-            _kirchhoff(u, device, self.r_row, rows, held),
-            _kirchhoff(np.swapaxes(w, -1, -2), -np.swapaxes(device, -1, -2), self.r_column, columns, 0.0),
-        )
-        largest = float(np.abs(device).max())
-        return worst / largest if largest > 0.0 else worst
+        ground = np.zeros((*volts.shape[:-1], self.shape[1], 2))
+        return (_Side(segment=self.r_row, ends=rows, held=np.repeat(volts[..., None], 2, axis=-1)),
+                _Side(segment=self.r_column, ends=columns, held=ground))  # fmt: skip
 
     def _repr_html_(self) -> str:
         g = self.conductance
@@ -258,22 +281,6 @@ class Crossbar:
         ]
         cells = "".join(f"<tr><th>{html.escape(a)}</th><td>{html.escape(b)}</td></tr>" for a, b in rows)
         return f"<table>{cells}</table>"
-
-
-def _kirchhoff(x: FloatArray, device: FloatArray, segment: float, ends: FloatArray, held: Any) -> float:
-    """Largest sum of currents out of the nodes of a set of lines, axes (..., line, node)."""
-    finite = np.where(np.isinf(ends), 0.0, ends)
-    out = device.copy()
-    terminal = finite * (np.stack([x[..., 0], x[..., -1]], axis=-1) - held)
-    if segment == 0.0:
-        total = out.sum(axis=-1) + terminal.sum(axis=-1)
-        return float(np.abs(np.where(np.isinf(ends).any(axis=-1), 0.0, total)).max())
-    along = np.diff(x, axis=-1) / segment
-    out[..., :-1] -= along
-    out[..., 1:] += along
-    out[..., 0] += terminal[..., 0]
-    out[..., -1] += terminal[..., 1]
-    return float(np.abs(out).max())
 
 
 def _ends(resistance: FloatArray, *, near_is_first: bool, both: bool) -> FloatArray:

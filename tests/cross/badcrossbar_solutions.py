@@ -1,4 +1,4 @@
-"""Run by badcrossbar's own interpreter: solve the crossbars of an npz file, write currents and potentials to another."""
+"""Run by badcrossbar's own interpreter: solve the crossbars of one npz file, write what it finds to another."""
 
 import sys
 

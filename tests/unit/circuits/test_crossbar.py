@@ -116,7 +116,8 @@ def test_transposed_drive_is_reciprocal_and_the_plain_circuit_driven_from_below(
     current, u, _ = dense(array.conductance.T[::-1, ::-1], v[::-1], 10.0, 30.0, np.full(7, 6.0), np.full(5, 4.0))
     assert read.current == pytest.approx(current[::-1], rel=1e-10)
     assert read.v_column == pytest.approx(u[::-1, ::-1].T, abs=1e-10)
-    assert read.device_current.sum(axis=1) == pytest.approx(read.current, rel=1e-10)
+    assert -read.device_current.sum(axis=1) == pytest.approx(read.current, rel=1e-10)
+    assert read.residual < 1e-10
 
 
 def test_a_ladder_is_its_continued_fraction():
