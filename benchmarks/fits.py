@@ -3,7 +3,7 @@
     python benchmarks/fits.py errors   [--data FOLDER]     relative RMS of named fits
     python benchmarks/fits.py success  [--data FOLDER]     share of 20 independent searches within 5 % of the best
     python benchmarks/fits.py coverage [--seeds 100]       each true parameter inside its 95 % interval, how often
-    python benchmarks/fits.py speed    [--data FOLDER]     one local fit: exact derivatives, or solve_ivp and differences
+    python benchmarks/fits.py speed    [--data FOLDER]     a local fit: exact derivatives, or solve_ivp and differences
 
 FOLDER holds measured files that ohmloom may not ship (docs/fitting.md names them); without it their rows are left out,
 and the output says so. All else is made here or lies in examples/measurements.

@@ -60,7 +60,7 @@ def test_demo_makes_everything_in_an_empty_folder(tmp_path, monkeypatch):
     run_demo(tmp_path / "demo", say=lines.append)
     made = {str(path.relative_to(tmp_path / "demo")) for path in (tmp_path / "demo").rglob("*") if path.is_file()}
     assert made == {
-        "loops.png", "fit/device.toml", "fit/fit.png",
+        "loops.png", "fit/device.toml", "fit/fit.json", "fit/fit.pdf", "fit/fit.png", "fit/profiles.png",
         "evolved.net.json", "map/plan.json", "map/placement.csv", "map/crossbars.png", "report.html",
         "report.json", "plan.json", "HET.net.json", "replay.html", "replay.png", "replay.gif",
     }  # fmt: skip
