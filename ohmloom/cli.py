@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 import typer
 
 from ohmloom import __version__
+from ohmloom._cli_circuit import app as circuit_app
 from ohmloom._cli_device import app as device_app
 from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
@@ -28,6 +29,7 @@ app = typer.Typer(
     help="Can this evolved spiking controller be built out of real memristors, and will it still do its job?",
 )  # fmt: skip
 app.add_typer(device_app, name="device")
+app.add_typer(circuit_app, name="circuit")
 
 INTERRUPTED = 130
 System = Literal["HP", "PEO", "LIN", "GA", "HET"]

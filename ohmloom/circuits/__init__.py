@@ -1,10 +1,46 @@
-"""Many devices: crossbars with wire resistance.
+"""Many devices: crossbars with wire resistance, and general netlists.
 
-Axes are ``(..., word_line, bit_line)``; leading axes are a batch. Current is positive into the sense of a column.
+Axes are ``(..., word_line, bit_line)``; leading axes are a batch. Current is positive into the sense of a column, and
+from node p to node n through an element of a netlist.
 """
 
 from __future__ import annotations
 
 from ohmloom.circuits.crossbar import Crossbar, Read
+from ohmloom.circuits.elements import (
+    VCCS,
+    VCVS,
+    Capacitor,
+    CurrentSource,
+    Memristor,
+    Resistor,
+    Subcircuit,
+    VoltageSource,
+)
+from ohmloom.circuits.netlist import Netlist
+from ohmloom.circuits.netlist_trace import NetlistTrace, OperatingPoint
+from ohmloom.circuits.spice import crossbar_netlist, run_ngspice
+from ohmloom.circuits.waveforms import Constant, PiecewiseLinear, Pulse, Sine, TwoPartSpike
 
-__all__ = ["Crossbar", "Read"]
+__all__ = [
+    "VCCS",
+    "VCVS",
+    "Capacitor",
+    "Constant",
+    "Crossbar",
+    "CurrentSource",
+    "Memristor",
+    "Netlist",
+    "NetlistTrace",
+    "OperatingPoint",
+    "PiecewiseLinear",
+    "Pulse",
+    "Read",
+    "Resistor",
+    "Sine",
+    "Subcircuit",
+    "TwoPartSpike",
+    "VoltageSource",
+    "crossbar_netlist",
+    "run_ngspice",
+]
