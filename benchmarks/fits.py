@@ -85,6 +85,7 @@ TRUTHS: dict[str, tuple[dict[str, float], float, float, float]] = {
     "peo_pani_redox": ({"r_on": 1.147e4, "r_off": 5e5, "e0": 0.2, "slope": 0.2, "k0": 1.0}, 0.8, 4.0, 0.2),
 }  # fmt: skip
 POINTS, NOISE = 200, 0.01
+EVALUATIONS = 20  # of the residual, for either side of the comparison in time
 
 
 def load(name: str, data: Path | None) -> Measurement | None:
@@ -181,7 +182,7 @@ def speed(data: Path | None) -> None:
         z = problem.inside(np.append(coordinates.of_values(coordinates.nominal(Features.of((sweep,)))), 0.3))
         problem.solve(z, problem.shooting, 2)  # makes the functions, once for all fits of this length
         begin = time.process_time()
-        end, _, _ = problem.solve(z, problem.shooting)
+        end, _, _ = problem.solve(z, problem.shooting, EVALUATIONS)
         fast = time.process_time() - begin
 
         def plain(z: np.ndarray, sweep: Measurement = sweep, law: str = law, problem: object = problem,
@@ -201,7 +202,7 @@ def speed(data: Path | None) -> None:
 
         begin = time.process_time()
         with np.errstate(all="ignore"):
-            other = least_squares(plain, z, bounds=(problem.low, problem.high), max_nfev=100)
+            other = least_squares(plain, z, bounds=(problem.low, problem.high), max_nfev=EVALUATIONS)
         slow = time.process_time() - begin
         print(f"{name:22}{law:18}{fast:8.3f}s{slow:10.1f}s{slow / fast:6.0f}x{problem.error(end):11.4f}"
               f"{np.sqrt(2 * other.cost):14.4f}", flush=True)  # fmt: skip

@@ -150,9 +150,6 @@ def device_compare(
         })  # fmt: skip
         return
     print(found.summary())
-    if found.by_holdout and found.by_holdout[0] != found.ranking[0].law:
-        print(f"{found.by_holdout[0]} predicts the held-out sweeps best, {found.ranking[0].law} has the lowest BIC: "
-              "believe the hold-out.")  # fmt: skip
     for path in paths:
         print(path)
 

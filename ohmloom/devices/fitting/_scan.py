@@ -96,7 +96,7 @@ def _walk(problem: Problem, z: FloatArray, direction: FloatArray, middle: float,
     if deviation == 0.0 or deviation > 0.1 * abs(limit - middle):
         # Perhaps nothing is known on this side: then its end fits as well, and a few points show it.
         for share in (1.0, 0.5, 0.25):
-            there, reached = _constrained(problem, z, direction, middle + share * (limit - middle), tolerance)
+            there, reached = constrained(problem, z, direction, middle + share * (limit - middle), tolerance)
             if excess(reached) > 1.0:
                 break
             points.append((middle + share * (limit - middle), reached, there))
@@ -108,7 +108,7 @@ def _walk(problem: Problem, z: FloatArray, direction: FloatArray, middle: float,
         if abs(limit - at) <= 1e-12 * max(1.0, abs(limit)):
             return points, limit, True
         ahead = at + sign * min(step, abs(limit - at))
-        there, reached = _constrained(problem, here, direction, ahead, tolerance)
+        there, reached = constrained(problem, here, direction, ahead, tolerance)
         points.append((ahead, reached, there))
         rise = excess(reached) - above
         if excess(reached) <= 1.0:
@@ -124,7 +124,7 @@ def _walk(problem: Problem, z: FloatArray, direction: FloatArray, middle: float,
     return points, limit, True
 
 
-def _constrained(
+def constrained(
     problem: Problem, z: FloatArray, direction: FloatArray, value: float, tolerance: float
 ) -> tuple[FloatArray, float]:
     """Fit again with ``direction @ z`` held at `value`; one coordinate follows from the others."""
@@ -174,5 +174,9 @@ def _along_the_valley(problem: Problem, z: FloatArray, direction: FloatArray, va
     matrix = jacobian.T @ jacobian
     matrix += RIDGE * max(float(np.trace(matrix)), 1e-300) * np.eye(len(z))
     move = np.linalg.solve(matrix, direction)
-    moved: FloatArray = z + move * (value - float(direction @ z)) / float(direction @ move)
+    along = float(direction @ move)
+    # Where nothing moves the residual, straight on is as good as any way.
+    if not (np.isfinite(move).all() and along > 0.0):
+        move, along = direction, float(direction @ direction)
+    moved: FloatArray = z + move * (value - float(direction @ z)) / along
     return moved

@@ -15,6 +15,7 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom.devices.fitting._coordinates import Coordinates
+from ohmloom.devices.fitting._interrupt import raise_pending
 from ohmloom.devices.laws import LAWS
 from ohmloom.devices.measurement import Measurement
 
@@ -83,6 +84,7 @@ class Shooting:
         return self._run(z, sweep, with_slopes=False)[1]
 
     def _run(self, z: FloatArray, k: int, *, with_slopes: bool) -> tuple[FloatArray, FloatArray]:
+        raise_pending()
         n, s0 = self.parameters, z[self.parameters + k]
         plain, sloped = self._steppers[k]
         if not with_slopes:

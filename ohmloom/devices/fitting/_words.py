@@ -72,10 +72,11 @@ def _trade_off(fit: Fit) -> Iterator[str]:
 def _residual(fit: Fit) -> Iterator[str]:
     unknowns, points = len(fit.fitted) + len(fit.sweeps), sum(len(sweep.t) for sweep in fit.sweeps)
     largest = max(sweep.lag1 for sweep in fit.sweeps)
+    worth = "Intervals are wide for that" if fit.n_eff >= unknowns else "Intervals from so few mean little"
     if fit.n_eff < FEW_POINTS * unknowns and largest > 0.5:
         yield (f"The residual is mostly error of the law, not noise: it is correlated from sample to sample (lag-1 "
-               f"{largest:.2f}), so that {points} points count as {fit.n_eff:.3g} for {unknowns} unknowns. Intervals "
-               "are wide for that; choose between laws by hold-out sweeps.")  # fmt: skip
+               f"{largest:.2f}), so that {points} points count as {fit.n_eff:.3g} for {unknowns} unknowns. {worth}; "
+               "choose between laws by hold-out sweeps.")  # fmt: skip
     if fit.integration_error > 0.1 * fit.relative_rms > 0.0:
         yield (f"The integrator's own error is {fit.integration_error / fit.relative_rms:.0%} of the residual at "
                f"{fit.substeps} steps per sample: give the sweep finer time steps.")  # fmt: skip

@@ -20,6 +20,8 @@ from ohmloom.devices.measurement import Measurement
 from ohmloom.errors import FileFormatError, ParameterError, expect_type
 
 FORMAT, VERSION = "ohmloom.comparison", 1
+FEW_POINTS = 3.0  # effective points for each unknown, under which BIC says little
+USELESS_HOLDOUT = 0.25
 
 
 class Ranked(StrictModel):
@@ -43,6 +45,7 @@ class Comparison(StrictModel):
     first, empty without any. Where the two disagree, believe the hold-out.
     """
 
+    n_eff: float
     ranking: Annotated[tuple[Ranked, ...], pydantic.Strict(False)]
     by_holdout: Annotated[tuple[str, ...], pydantic.Strict(False)]
     fits: dict[str, Fit]
@@ -76,7 +79,22 @@ class Comparison(StrictModel):
         for row in self.ranking:
             held_out = "-" if row.holdout_rms is None else f"{row.holdout_rms:.4f}"
             lines.append(f"{row.law:18}{row.unknowns:9}{row.relative_rms:14.4f}{row.delta_bic:11.1f}{held_out:>10}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.remarks()])
+
+    def remarks(self) -> list[str]:
+        """What a reader of the ranking must know, as sentences."""
+        found = []
+        if self.n_eff < FEW_POINTS * max(row.unknowns for row in self.ranking):
+            found.append(
+                f"BIC counts {self.n_eff:.3g} effective points: too few to choose between laws; look at the errors."
+            )
+        errors = sorted((row.holdout_rms, row.law) for row in self.ranking if row.holdout_rms is not None)
+        if errors and errors[0][0] > USELESS_HOLDOUT:
+            found.append(f"No law predicts the sweeps held out: the smallest error is {errors[0][0]:.0%}.")
+        elif errors and errors[0][1] != self.ranking[0].law:
+            found.append(f"{errors[0][1]} predicts the sweeps held out best, {self.ranking[0].law} has the lowest BIC: "
+                         "believe the hold-out.")  # fmt: skip
+        return found
 
     def _repr_html_(self) -> str:
         return f"<pre>{self.summary()}</pre>"
@@ -133,4 +151,4 @@ def _rank(fits: dict[str, Fit]) -> Comparison:
     )  # fmt: skip
     held = {law: found.holdout_rms for law, found in fits.items()}
     by_holdout = sorted((rms, law) for law, rms in held.items() if rms is not None)
-    return Comparison(ranking=ranking, by_holdout=tuple(law for _, law in by_holdout), fits=fits)
+    return Comparison(n_eff=points, ranking=ranking, by_holdout=tuple(law for _, law in by_holdout), fits=fits)

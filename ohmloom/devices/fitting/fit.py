@@ -14,12 +14,13 @@ from ohmloom.devices.card import Card, CardValue, DataFile, write_card
 from ohmloom.devices.fitting._checks import Weights, check_inputs, check_names, sizes
 from ohmloom.devices.fitting._coordinates import Coordinates, choose
 from ohmloom.devices.fitting._features import Features
+from ohmloom.devices.fitting._interrupt import deferred_interrupts
 from ohmloom.devices.fitting._search import Problem, Start, resolved, search
 from ohmloom.devices.fitting._shooting import Shooting
 from ohmloom.devices.fitting._statistics import Uncertainty, assess, lag_one
 from ohmloom.devices.fitting._words import warnings_for
 from ohmloom.devices.fitting.profiles import needed_profiles, profile_of
-from ohmloom.devices.fitting.result import Fit, ProfileResult, StartResult, SweepResult, root_mean
+from ohmloom.devices.fitting.result import Fit, ProfileResult, StartResult, SweepResult, limits_in_words, root_mean
 from ohmloom.devices.measurement import Measurement
 from ohmloom.devices.revisit import charge_revisit
 from ohmloom.errors import OperationError, ParameterError, expect_type
@@ -99,15 +100,26 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
         expect_type("fit.name", name, str)
     coordinates = choose(chosen, fixed, free)
     scale = sizes(sweeps, weights)
+    for sweep in held_out:
+        sizes((sweep,), "relative")
     check_count(coordinates, sweeps)
     # Plain numbers: numpy's own have no form in JSON.
     settings = {"law": law, "fixed": {key: float(value) for key, value in fixed.items()}, "free": list(free),
                 "screen": int(screen), "starts": int(starts),
                 "weights": weights if isinstance(weights, str) else [float(weight) for weight in weights]}  # fmt: skip
 
-    problem = _problem(coordinates, sweeps, scale, SUBSTEPS)
     if report is not None:
         report(0, 1, math.inf)
+    with deferred_interrupts():
+        return _fit(coordinates, sweeps, scale, held_out, settings, rng, profile, name, report)
+
+
+def _fit(coordinates: Coordinates, sweeps: tuple[Measurement, ...], scale: tuple[FloatArray, ...],
+         held_out: tuple[Measurement, ...], settings: dict[str, Any], rng: np.random.Generator, profile: bool,
+         name: str | None, report: Callable[[int, int, float], None] | None) -> Fit:  # fmt: skip
+    """Search, refine, profile: the fit itself, all being checked."""
+    law, screen, starts = coordinates.law.name, settings["screen"], settings["starts"]
+    problem = _problem(coordinates, sweeps, scale, SUBSTEPS)
     tried = search(problem, screen=screen, starts=starts, rng=rng, report=report)
     if not tried:
         raise OperationError(
@@ -199,7 +211,7 @@ def _result(problem: Problem, z: FloatArray, tried: tuple[Start, ...], uncertain
     # Information criteria of a Gaussian residual with unknown variance, on the effective number of points.
     likelihood = n_eff * math.log(max(problem.error(z) ** 2, 1e-300))
     data = tuple(DataFile(file=sweep.file, sha256=sweep.sha256) for sweep in sweeps if sweep.sha256)
-    card = _card(problem, values, intervals, data, settings, name)
+    card = _card(problem, values, intervals, profiles, data, settings, name)
     found = Fit(
         card=write_card(card), law=coordinates.law.name, fitted=coordinates.names, held=dict(coordinates.held),
         relative_rms=root_mean([sweep.relative_rms for sweep in fitted]),
@@ -296,15 +308,18 @@ def _predict(problem: Problem, z: FloatArray, sweep: Measurement) -> SweepResult
 
 
 def _card(problem: Problem, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float] | None],
-          data: tuple[DataFile, ...], settings: dict[str, Any], name: str | None) -> Card:  # fmt: skip
+          profiles: Mapping[str, ProfileResult], data: tuple[DataFile, ...], settings: dict[str, Any],
+          name: str | None) -> Card:  # fmt: skip
     coordinates, sweeps = problem.coordinates, problem.shooting.sweeps
     listed = ", ".join(sweep.file or sweep.name for sweep in sweeps)
-    entries = []
+    entries, units = [], {p.name: p.unit for p in coordinates.law.parameters}
     for key, value in values.items():
         if key in coordinates.names:
-            interval = intervals[key]
-            inside = None if interval is None else (min(interval[0], value), max(interval[1], value))
-            entries.append(CardValue(value=float(value), source=f"fitted to {listed}", interval=inside))
+            interval, profile = intervals[key], profiles.get(key)
+            is_open = profile is not None and any(profile.is_open)
+            inside = None if interval is None or is_open else (min(interval[0], value), max(interval[1], value))
+            known = f"; {limits_in_words(profile, units[key])}" if profile is not None and is_open else ""
+            entries.append(CardValue(value=float(value), source=f"fitted to {listed}{known}", interval=inside))
         else:
             how = "fixed in the fit" if key in settings["fixed"] else "the law's default, held in the fit"
             entries.append(CardValue(value=float(value), source=how))

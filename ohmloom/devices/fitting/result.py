@@ -15,8 +15,8 @@ from ohmloom.devices.card import parse_card
 from ohmloom.devices.device import Device
 from ohmloom.devices.fitting._search import Origin
 from ohmloom.devices.laws import LAWS
-from ohmloom.errors import FileFormatError
-from ohmloom.units import format_quantity
+from ohmloom.errors import FileFormatError, expect_integer
+from ohmloom.units import axis_unit, format_quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -191,11 +191,16 @@ class Fit(StrictModel):
             from matplotlib.figure import Figure
 
             ax = Figure(layout="constrained").subplots()
-        curve = (*self.sweeps, *self.holdout)[sweep]
-        ax.plot(curve.v, curve.i, ".", markersize=3, label="measured")
-        ax.plot(curve.v, curve.i_fit, label=f"{self.law}, {curve.relative_rms:.1%}")
+        curves = (*self.sweeps, *self.holdout)
+        curve = curves[expect_integer("Fit.plot: sweep", sweep, 0, len(curves) - 1)]
+        measured, fitted = np.array(curve.i), np.array(curve.i_fit)
+        # The fit has a device voltage of its own, behind the resistor: without the measured current's noise.
+        own = np.array(curve.v) + curve.series_resistance * (measured - fitted)
+        factor, unit = axis_unit(float(np.abs(measured).max()), "A")
+        ax.plot(curve.v, measured / factor, ".", markersize=3, label="measured")
+        ax.plot(own, fitted / factor, label=f"{self.law}, {curve.relative_rms:.1%}")
         ax.set_xlabel("device voltage [V]")
-        ax.set_ylabel("current [A]")
+        ax.set_ylabel(f"current [{unit}]")
         ax.legend()
         return ax
 
@@ -237,7 +242,8 @@ class Fit(StrictModel):
             lines.append(f"  {name:10} {format_quantity(value, units[name], 4):>14}  held")
         for sweep in self.sweeps:
             interval = "" if sweep.s0_interval is None else f" [{sweep.s0_interval[0]:.3g}, {sweep.s0_interval[1]:.3g}]"
-            lines.append(f"  {sweep.name}: relative RMS {sweep.relative_rms:.4f}, s0 = {sweep.s0:.3g}{interval}, "
+            lines.append(f"  {sweep.name}: relative RMS {sweep.relative_rms:.4f}, "
+                         f"s0 = {round(sweep.s0, 9):.3g}{interval}, "
                          f"N_eff = {sweep.n_eff:.3g} of {len(sweep.t)}")  # fmt: skip
         for sweep in self.holdout:
             lines.append(f"  {sweep.name} (held out): relative RMS {sweep.relative_rms:.4f}, s0 = {sweep.s0:.3g}")
@@ -253,15 +259,21 @@ def root_mean(errors: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def _interval(interval: Pair | None, profile: ProfileResult | None, unit: str) -> str:
-    if interval is None:
-        return "not determined"
-    low, high = (format_quantity(end, unit, 4) for end in interval)
-    if profile is None:
-        return f"95 % [{low}, {high}]"
+def limits_in_words(profile: ProfileResult, unit: str) -> str:
+    """The 95 % limits of a profile: both, one, or none."""
+    low, high = (format_quantity(end, unit, 4) for end in profile.interval)
     below, above = profile.is_open
     if below and above:
         return "not determined"
     if below:
         return f"95 % below {high}"
     return f"95 % above {low}" if above else f"95 % [{low}, {high}] by profile"
+
+
+def _interval(interval: Pair | None, profile: ProfileResult | None, unit: str) -> str:
+    if profile is not None:
+        return limits_in_words(profile, unit)
+    if interval is None:
+        return "not determined"
+    low, high = (format_quantity(end, unit, 4) for end in interval)
+    return f"95 % [{low}, {high}]"
