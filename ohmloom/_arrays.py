@@ -33,8 +33,10 @@ def frozen_array(where: str, values: Any, axes: Sequence[str], *, dtype: npt.DTy
     Raises
     ------
     ParameterError
-        If the number of axes or a fixed length disagrees, or if a value is NaN or infinite.
+        If the number of axes or a fixed length disagrees, if a value is NaN, infinite or masked, or if values are
+        dates or durations, which numpy would count in whatever unit they have.
     """
+    refuse_counts(where, values)
     try:
         array = np.array(values, dtype=dtype)
     except (TypeError, ValueError, OverflowError) as error:
@@ -50,6 +52,25 @@ def frozen_array(where: str, values: Any, axes: Sequence[str], *, dtype: npt.DTy
         raise ParameterError(f"{where}: expected finite numbers, got NaN or infinity. Check the input.")
     array.flags.writeable = False
     return array
+
+
+def refuse_counts(where: str, values: Any) -> None:
+    """Refuse what numpy would turn into wrong numbers without a word: durations, dates, and what a mask hides.
+
+    Raises
+    ------
+    ParameterError
+        If `values` is or holds any of these.
+    """
+    if isinstance(values, np.ma.MaskedArray) and np.ma.getmaskarray(values).any():
+        raise ParameterError(f"{where}: expected a value everywhere, got a masked array with "
+                             f"{np.ma.getmaskarray(values).sum()} masked. Drop or fill them.")  # fmt: skip
+    dtype = getattr(values, "dtype", None)
+    if dtype is None and isinstance(values, list | tuple) and values:
+        dtype = getattr(values[0], "dtype", None)
+    if getattr(dtype, "kind", "") in ("m", "M"):
+        raise ParameterError(f"{where}: expected numbers, got {dtype}, whose unit would be lost. Divide a duration by "
+                             "np.timedelta64(1, 's') for seconds.")  # fmt: skip
 
 
 def write_arrays(

@@ -58,7 +58,7 @@ def _list_laws(*, json_: bool) -> None:
             held = "" if p.fitted else " (held in a fit unless --free)"
             unit = "" if p.unit == "1" else p.unit
             bounds = f"{p.lower:g} to {p.upper:g}"
-            print(f"  {p.name:12}{unit:9}{bounds:20}default {p.default:<10g}{p.doc}{held}")
+            print(f"  {p.name:12}{unit:9}{bounds:20}default {p.default:<11g} {p.doc}{held}")
 
 
 @app.command("show")

@@ -35,9 +35,9 @@ class UnknownNameError(ParameterError, KeyError):
     def of(cls, where: str, name: str, known: Iterable[str]) -> UnknownNameError:
         """Make the error for `name`, which is not among `known`."""
         names = sorted(known)
-        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4) if isinstance(name, str) else []
         hint = f"Did you mean {near[0]!r}?" if near else "Use one of these."
-        return cls(f"{where}: expected one of {', '.join(names)}, got {name!r}. {hint}")
+        return cls(f"{where}: expected one of {', '.join(names)}, got {shown(name)}. {hint}")
 
 
 class FileFormatError(OhmloomError, ValueError):

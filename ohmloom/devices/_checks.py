@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmloom._arrays import FloatArray, frozen_array
+from ohmloom._arrays import FloatArray, frozen_array, refuse_counts
 from ohmloom.errors import ParameterError, expect_number, shown
 
 LARGEST_TIME = 1e12  # s
@@ -16,11 +16,14 @@ LARGEST_VOLTAGE = 1e6  # V
 
 
 def finite(where: str, values: Any, unit: str) -> FloatArray:
-    """`values` as a float64 array of any shape."""
+    """`values` as a float64 array of any shape; text and booleans are no numbers."""
+    refuse_counts(where, values)
+    rule = f"numbers in {unit}" if unit else "numbers"
     try:
+        if np.asarray(values).dtype.kind in "bSU":
+            raise TypeError
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        rule = f"numbers in {unit}" if unit else "numbers"
         raise ParameterError(f"{where}: expected {rule}, got {shown(values)}. Pass floats.") from error
     if not np.isfinite(array).all():
         raise ParameterError(f"{where}: expected finite numbers, got NaN or infinity. Check the input.")

@@ -13,7 +13,9 @@ import numpy as np
 from ohmloom._arrays import FloatArray
 from ohmloom._files import sha256, write_atomic
 from ohmloom.devices._checks import (
+    LARGEST_VOLTAGE,
     check_number,
+    check_size,
     drive_over,
     finite,
     like_input,
@@ -163,6 +165,7 @@ class Device:
             If `s` is outside [0, 1] or `v` is not finite.
         """
         state, voltage = self._state("s", s), finite(f"{self.name}.conductance: v", v, "V")
+        check_size(f"{self.name}.conductance: v", voltage, LARGEST_VOLTAGE, "V")
         try:
             state, voltage = np.broadcast_arrays(state, voltage)
         except ValueError as error:

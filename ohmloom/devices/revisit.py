@@ -76,7 +76,9 @@ def charge_revisit(measurement: Measurement) -> Revisit:
     expect_type("charge_revisit.measurement", measurement, Measurement)
     v, i = measurement.device_voltage, measurement.i
     charge = measurement.charge
-    net = abs(float(charge[-1])) / float(np.trapezoid(np.abs(i), measurement.t))
+    # Of scaled numbers: the charge of very small currents or times would vanish.
+    share, t = i / np.abs(i).max(), (measurement.t - measurement.t[0]) / measurement.duration
+    net = abs(float(np.trapezoid(share, t))) / float(np.trapezoid(np.abs(share), t))
     large = np.abs(v) > SMALLEST_VOLTAGE * np.abs(v).max()
     # An offset may turn the current against the voltage; such a point has no logarithm.
     used = np.flatnonzero(large & (np.sign(i) * np.sign(v) > 0))

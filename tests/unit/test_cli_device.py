@@ -345,3 +345,7 @@ def test_progress_is_shown_once_a_fit_takes_long(run, csv, monkeypatch):
     slow = run("device", "fit", csv, "--law", "linear", *QUICK, "--json")[2]
     assert slow.startswith(quick)
     assert "best relative RMS 0." in slow.splitlines()[-1]
+
+
+def test_a_long_default_is_apart_from_what_it_means(run):
+    assert "default 3.33333e+09 " in run("device", "list", "--laws")[1]

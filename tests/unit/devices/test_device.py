@@ -210,3 +210,21 @@ def test_names_that_no_file_can_have():
     for name in ("a" * 5000, "a\0b", "a\0b.toml", "a" * 5000 + ".toml"):
         with pytest.raises(MissingFileError):
             Device.load(name)
+
+
+@pytest.mark.parametrize("state", [True, "0.5", ["0.5"], [True, False]])
+def test_text_and_booleans_are_no_states(state):
+    with pytest.raises(ParameterError, match=r"^hp_tio2: s: expected numbers, got "):
+        HP.conductance(state)
+
+
+def test_a_voltage_beyond_that_of_simulate_is_refused():
+    with pytest.raises(
+        ParameterError, match=r"^hp_tio2\.conductance: v: expected at most 1e\+06 V in size, got 1e\+300"
+    ):
+        HP.conductance(0.5, v=1e300)
+
+
+def test_a_law_that_is_no_name_is_told():
+    with pytest.raises(UnknownNameError, match=r"^Device\.law: expected one of .*, got 5\. Use one of these\.$"):
+        Device(name="x", law=5, source="x", values=())

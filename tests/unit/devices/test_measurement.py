@@ -385,9 +385,9 @@ def test_a_measurement_in_a_notebook_is_escaped():
 
 
 def test_a_saved_file_says_what_it_holds(tmp_path):
-    sweep(name="a\nb", series_resistance=10.0, frequency=2.0, file="x.csv", sha256="12ab").save(tmp_path / "b.csv")
+    sweep(name="a\nb", series_resistance=10.0, frequency=2.0, file="x.csv", sha256=16 * "12ab").save(tmp_path / "b.csv")
     assert (tmp_path / "b.csv").read_text() == (
-        "# a\\nb: t in s, v in V, i in A\n# from x.csv, sha256 12ab\n# frequency 2.0 Hz\n"
+        "# a\\nb: t in s, v in V, i in A\n# from x.csv, sha256 " + 16 * "12ab" + "\n# frequency 2.0 Hz\n"
         "# v is a source's, across the device and 10.0 Ohm in series\n"
         "t,v,i\n0.0,0.0,0.0\n1.0,1.0,0.001\n2.0,-1.0,-0.002\n"
     )
@@ -456,3 +456,15 @@ def test_a_polyaniline_staircase_is_averaged():
     averaged = Measurement.read_csv(path, voltage="s", current="m", every=30)
     assert averaged.t.size == 521
     np.testing.assert_allclose(averaged.i[0], whole.i[:30].mean(), rtol=1e-12)  # rounding
+
+
+@pytest.mark.parametrize(("t", "message"), [
+    (np.array([0, 1, 2], dtype="timedelta64[ms]"), "expected numbers, got timedelta64[ms], whose unit would be lost"),
+    (list(np.array([0, 1, 2], dtype="timedelta64[ms]")), "expected numbers, got timedelta64[ms], whose unit would be"),
+    (np.array([0, 1, 2], dtype="datetime64[s]"), "expected numbers, got datetime64[s], whose unit would be lost."),
+    (np.ma.array([0.0, 1.0, 2.0], mask=[0, 1, 0]), "expected a value everywhere, got a masked array with 1 masked."),
+])  # fmt: skip
+def test_numbers_that_would_lose_their_meaning_are_refused(t, message):
+    with pytest.raises(ParameterError) as caught:
+        sweep(t=t)
+    assert str(caught.value).startswith(f"Measurement.t: {message}")

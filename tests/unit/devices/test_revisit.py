@@ -164,3 +164,8 @@ def test_polyaniline_loops_flow_one_way_and_cannot_tell():
     assert found.net_over_throughput > 0.99
     assert found.unexplained_by_charge is None
     assert "(net charge 99.6 % of all that moved)" in found.verdict
+
+
+def test_the_net_charge_of_vanishing_times_is_still_a_share():
+    sweep = Measurement(name="short", t=1e-320 * np.arange(4.0), v=[0.0, 1.0, -1.0, 0.0], i=[0.0, 1e-9, -1e-9, 0.0])
+    assert charge_revisit(sweep).net_over_throughput == pytest.approx(0.0, abs=1e-3)  # 1e-320 has three digits
