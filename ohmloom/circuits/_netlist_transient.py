@@ -37,6 +37,7 @@ AT_WALL = 1e-12
 AGREE = 1e-9  # relatively: capacitors in a loop, at their initial voltages
 # How far inside a piece the slope of a source is taken, of its length: at the corner itself it is its neighbour's.
 INSIDE = 1e-6
+JUST_BEFORE = 1e-12
 
 
 def solve_dc(netlist: Netlist, t: float) -> OperatingPoint:
@@ -61,7 +62,8 @@ def simulate(netlist: Netlist, t: FloatArray, max_step: float | None) -> Netlist
     xs, currents, unbalanced = [], [], 0.0
     guess = None
     for time, y in zip(t.tolist(), states, strict=True):
-        guess = system.solve(system.right_side(time, y[:k]), y[k:], guess)
+        # At a corner a capacitor across a source has two currents; take the one before.
+        guess = system.solve(system.right_side(time, y[:k], time * (1.0 - JUST_BEFORE)), y[k:], guess)
         xs.append(guess)
         currents.append(system.currents(guess, time, y[k:]))
         unbalanced = max(unbalanced, system.unbalanced(currents[-1]))
