@@ -84,6 +84,10 @@ def deck(
     saved = list(_vectors(netlist, names))
     lines += [".save " + " ".join(saved[k : k + 6]) for k in range(0, len(saved), 6)]
     if end is None:
+        # At DC the emitted state would go where its rate ends; a source on its inner node keeps it at s0.
+        lines += [
+            f"Vhold_{k} {names[m.name]}.x 0 {m.s0!r}" for k, m in enumerate(netlist.flat) if isinstance(m, Memristor)
+        ]
         lines.append(".op")
     else:
         if max_step is None:
@@ -201,7 +205,7 @@ def _is_doubled(ends: str, segment: float) -> bool:
 def _names(elements: tuple[Simple, ...]) -> dict[str, str]:
     """ngspice's name of each element: its own, behind the letter of its kind where it does not begin with it."""
     names: dict[str, str] = {}
-    taken: set[str] = set()
+    taken = {f"vhold_{k}" for k in range(len(elements))}
     for element in elements:
         is_short = isinstance(element, Resistor) and element.resistance == 0.0
         letter = "V" if is_short else LETTERS[type(element)]
