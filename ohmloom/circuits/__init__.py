@@ -17,6 +17,7 @@ from ohmloom.circuits.elements import (
     Subcircuit,
     VoltageSource,
 )
+from ohmloom.circuits.memristor_crossbar import CrossbarTrace, MemristorCrossbar
 from ohmloom.circuits.netlist import Netlist
 from ohmloom.circuits.netlist_trace import NetlistTrace, OperatingPoint
 from ohmloom.circuits.spice import crossbar_netlist, run_ngspice
@@ -28,8 +29,10 @@ __all__ = [
     "Capacitor",
     "Constant",
     "Crossbar",
+    "CrossbarTrace",
     "CurrentSource",
     "Memristor",
+    "MemristorCrossbar",
     "Netlist",
     "NetlistTrace",
     "OperatingPoint",

@@ -58,6 +58,30 @@ def build_charge_rate(functions: Sequence[Callable[..., Any]], index: int = 0) -
     return choose
 
 
+def build_flux(functions: Sequence[Callable[..., Any]], index: int = 0) -> Callable[..., float]:
+    """Chain compiled fluxes in the same way."""
+    head = inner_kernel(functions[0])
+    if len(functions) == 1:
+
+        @closure_kernel(str(index))
+        def last(law_index: int, s: float, p: Any) -> float:
+            return head(s, p) if law_index == index else float("nan")
+
+        return last
+    tail = build_flux(functions[1:], index + 1)
+
+    @closure_kernel(str(index))
+    def choose(law_index: int, s: float, p: Any) -> float:
+        return head(s, p) if law_index == index else tail(law_index, s, p)
+
+    return choose
+
+
+def no_flux(s: float, p: Any) -> float:
+    """What a law that is not ideal has for a flux."""
+    return float("nan")
+
+
 def _teach_helpers() -> None:
     """Let compiled laws call what they share: the functions of `_functions`, and those of each other's modules."""
     for function, numeric in _functions.ELEMENTARY.items():
@@ -77,6 +101,7 @@ def _teach_helpers() -> None:
 _teach_helpers()
 _conductance = build_conductance([law.conductance for law in LAWS.values()])
 _charge_rate = build_charge_rate([law.charge_rate for law in LAWS.values()])
+_flux = build_flux([law.flux or no_flux for law in LAWS.values()])
 _metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate, "laws")
 
 
@@ -90,6 +115,12 @@ def conductance(law_index: int, s: float, v: float, p: Any) -> float:
 def charge_rate(law_index: int, s: float, v: float, i: float, p: Any) -> float:
     """dq/dt in A, before walls; NaN for an index that no law has."""
     return _charge_rate(law_index, s, v, i, p)
+
+
+@kernel
+def flux(law_index: int, s: float, p: Any) -> float:
+    """phi(s) in Wb; NaN for a law that is not ideal."""
+    return _flux(law_index, s, p)
 
 
 @kernel

@@ -1,0 +1,131 @@
+"""Crossbars of memristors through time: against single devices, against reads, against themselves refined."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ohmloom.circuits import Crossbar, CrossbarTrace, MemristorCrossbar
+from ohmloom.devices import CardValue, Device
+from ohmloom.errors import ParameterError
+
+T = np.linspace(0.0, 1.0, 41)
+
+
+def threshold_device():
+    values = {"r_on": 2e3, "r_off": 4e4, "b": 2.0, "v_set": 0.4, "v_reset": 0.3, "q_set": 3e-5, "q_reset": 2e-5}
+    entries = tuple(CardValue(value=value, source="made up") for value in values.values())
+    return Device(name="threshold", law="tio2_threshold", source="made up", values=entries)
+
+
+DEVICES = [Device.load(name) for name in ("hp_tio2_10k", "peo_pani", "linear")] + [threshold_device()]
+
+
+@pytest.mark.parametrize("device", DEVICES, ids=lambda device: device.name)
+def test_one_device_without_wires_is_the_device_alone(device):
+    v = np.sin(2 * np.pi * T)
+    alone = device.simulate(v, T, s0=0.3)
+    trace = MemristorCrossbar(devices=device, s=[[0.3]]).simulate(T, v[:, None])
+    # Both integrate to about 1e-9 of the range.
+    assert trace.s[:, 0, 0] == pytest.approx(alone.s, abs=2e-8)
+    assert trace.current[:, 0] == pytest.approx(alone.i, abs=1e-7 * np.abs(alone.i).max())
+    assert np.ptp(alone.s) > 0.01
+
+
+def mixed_array(r=5.0):
+    rng = np.random.default_rng(4)
+    kind = rng.integers(-1, 3, (5, 4))
+    return MemristorCrossbar(
+        devices=tuple(DEVICES[:3]), s=rng.uniform(0.1, 0.9, (5, 4)), kind=kind, r_row=r, r_column=2 * r, r_driver=50.0,
+        r_sense=20.0,
+    )  # fmt: skip
+
+
+def pulses():
+    t = np.array([0.0, 1e-3, 9e-3, 1e-2, 1.1e-2, 2e-2])
+    v = np.array([0.0, 1.0, 1.0, 0.0, -1.0, -1.0])[:, None] * np.array([1.0, 0.5, 0.0, -0.7, 0.2])
+    return t, v
+
+
+def test_currents_are_those_of_a_read_of_the_same_states():
+    array, (t, v) = mixed_array(), pulses()
+    trace = array.simulate(t, v)
+    for k in (1, 2, 4):
+        now = MemristorCrossbar(devices=array.devices, s=trace.s[k], kind=array.kind, r_row=5.0, r_column=10.0,
+                                r_driver=50.0, r_sense=20.0)  # fmt: skip
+        read = now.crossbar().read(v[k])
+        assert trace.current[k] == pytest.approx(read.current, rel=1e-9, abs=1e-15)
+    assert isinstance(array.crossbar(), Crossbar)
+
+
+def test_a_tighter_tolerance_changes_nothing_that_the_first_one_promised():
+    array, (t, v) = mixed_array(), pulses()
+    loose, tight = array.simulate(t, v), array.simulate(t, v, tolerance=1e-13)
+    assert tight.steps >= loose.steps
+    assert np.abs(loose.s - tight.s).max() <= 1e-9
+    assert np.abs(tight.s[-1] - tight.s[0]).max() > 1e-3
+
+
+def test_energy_is_conserved_and_open_crosspoints_take_none():
+    array, (t, v) = mixed_array(), pulses()
+    trace = array.simulate(t, v)
+    assert (trace.energy[-1][array.kind < 0] == 0.0).all()
+    lost = trace.supplied - trace.energy[-1].sum()
+    assert 0.0 < lost < 0.2 * trace.supplied
+    without = MemristorCrossbar(devices=array.devices, s=array.s, kind=array.kind).simulate(t, v)
+    assert without.energy[-1].sum() == pytest.approx(without.supplied, rel=1e-9)
+
+
+def test_columns_that_hold_a_voltage_count_against_the_rows():
+    t = np.array([0.0, 1e-2])
+    device = DEVICES[0]
+    between = MemristorCrossbar(devices=device, s=[[0.5]]).simulate(t, [[0.7], [0.7]], [[-0.3], [-0.3]])
+    across = MemristorCrossbar(devices=device, s=[[0.5]]).simulate(t, [[1.0], [1.0]])
+    assert between.s == pytest.approx(across.s, abs=1e-12)
+
+
+def test_a_device_that_rests_at_its_wall_leaves_when_the_drive_turns():
+    device = DEVICES[0]
+    flux = device.flux(1.0)
+    # Past the wall by half its range and back by a quarter: the rest is lost at the wall.
+    t = np.array([0.0, 1.0, 1.0 + 1e-9, 2.0])
+    v = flux * np.array([1.5, 1.5, -0.25, -0.25])[:, None]
+    end = MemristorCrossbar(devices=device, s=[[0.0]]).simulate(t, v).s[:, 0, 0]
+    assert end[1] == 1.0
+    assert end[-1] == pytest.approx(device.state_at_flux(0.75 * flux), abs=1e-6)
+
+
+def test_a_trace_is_saved_and_loaded_whole(tmp_path):
+    t, v = pulses()
+    trace = mixed_array().simulate(t, v)
+    trace.save(tmp_path / "trace.npz")
+    again = CrossbarTrace.load(tmp_path / "trace.npz")
+    assert np.array_equal(again.s, trace.s)
+    assert (again.supplied, again.steps, again.provenance) == (trace.supplied, trace.steps, trace.provenance)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: MemristorCrossbar(devices=(), s=[[0.5]]),
+         "MemristorCrossbar.devices: expected at least one Device, got none. Load a card."),
+        (lambda: MemristorCrossbar(devices=Device.load("peo_pani_redox"), s=[[0.5]]),
+         "MemristorCrossbar.devices: expected laws whose state moves with the current alone, got peo_pani_redox, which "
+         "may be stiff. Simulate it by itself."),
+        (lambda: MemristorCrossbar(devices=DEVICES[0], s=[[1.5]]),
+         "MemristorCrossbar.s: expected states in [0, 1], got 1.5. Divide charges by the device's charge_scale."),
+        (lambda: MemristorCrossbar(devices=DEVICES[0], s=[[0.5]], kind=[[1]]),
+         "MemristorCrossbar.kind: expected axes (word_line=1, bit_line=1) with numbers from -1 to 0, got shape (1, 1) "
+         "from 0 to 1. Number the devices from 0."),
+        (lambda: MemristorCrossbar(devices=DEVICES[0], s=[[0.5]]).simulate([0.0, 0.0], [[1.0], [1.0]]),
+         "MemristorCrossbar.simulate: t: expected at least two times in s, strictly increasing, got 2. A pulse of no "
+         "length has no place; drop repeats."),
+        (lambda: MemristorCrossbar(devices=DEVICES[0], s=[[0.5]]).simulate([0.0, 1.0], [[1.0]]),
+         "MemristorCrossbar.simulate: v_row: expected axes (time=2, word_line=1), got shape (1, 1). "
+         "Give one per time and line."),
+    ],
+)  # fmt: skip
+def test_what_it_refuses_is_told_field_rule_and_value(make, message):
+    with pytest.raises(ParameterError) as caught:
+        make()
+    assert str(caught.value) == message
