@@ -38,6 +38,8 @@ AGREE = 1e-9  # relatively: capacitors in a loop, at their initial voltages
 # How far inside a piece the slope of a source is taken, of its length: at the corner itself it is its neighbour's.
 INSIDE = 1e-6
 JUST_BEFORE = 1e-12
+# A stiff state that rests nearer to a wall than the tolerance must find its rate smooth a little past it.
+BEYOND = 1e-9
 
 
 def solve_dc(netlist: Netlist, t: float) -> OperatingPoint:
@@ -223,7 +225,7 @@ class _Run:
         if self._evaluations > MOST_EVALUATIONS:
             raise self._failure(t, f"more than {MOST_EVALUATIONS} evaluations of its rates")
         system, k = self.system, self._k
-        s = np.clip(y[k:], 0.0, 1.0)
+        s = np.clip(y[k:], -BEYOND, 1.0 + BEYOND)
         begin, stop = self._piece
         nudge = INSIDE * (stop - begin)
         side = system.right_side(t, y[:k], min(max(t, begin + nudge), stop - nudge))
