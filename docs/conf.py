@@ -9,7 +9,7 @@ from typer.models import CommandInfo
 from typer.testing import CliRunner
 
 from ohmloom import __version__
-from ohmloom.cli import app, device_app
+from ohmloom.cli import app
 
 HERE = Path(__file__).parent
 GENERATED = HERE / "_generated"
@@ -44,7 +44,8 @@ def write_help() -> None:
     """One file per verb; a verb that the command line's page leaves out stops the build."""
     verbs: list[list[str]] = [[]]
     verbs += [[verb_name(command)] for command in app.registered_commands]
-    verbs += [["device", verb_name(command)] for command in device_app.registered_commands]
+    for group in app.registered_groups:
+        verbs += [[group.name, verb_name(command)] for command in group.typer_instance.registered_commands]
     page = (HERE / "cli.md").read_text(encoding="utf-8")
     folder = GENERATED / "help"
     folder.mkdir(parents=True, exist_ok=True)

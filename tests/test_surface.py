@@ -9,6 +9,15 @@ import sys
 import pytest
 
 SURFACE = {
+    "ohmloom.circuits": [
+        "VCCS", "VCVS", "Capacitor", "Constant", "Crossbar", "CrossbarTrace", "CurrentSource", "Memristor",
+        "MemristorCrossbar", "Netlist", "NetlistTrace", "OperatingPoint", "PiecewiseLinear", "Pulse", "Read",
+        "Resistor", "Sine", "Subcircuit", "TwoPartSpike", "VoltageSource", "crossbar_netlist", "run_ngspice",
+    ],
+    "ohmloom.devices": [
+        "LAWS", "CardValue", "Comparison", "DataFile", "Device", "Fit", "Law", "Measurement", "Parameter", "Revisit",
+        "Trace", "charge_revisit", "compare", "fit",
+    ],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",
         "SpikingController", "Synapse", "champion", "mutate",
