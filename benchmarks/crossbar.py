@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import resource
 import subprocess
 import sys
 import time
@@ -115,10 +114,15 @@ def grow(who: str) -> None:
     read = peer if who == "badcrossbar" else (lambda crossbar, v: crossbar.read(v))
     read(*small)
     # What is resident now, not the peak of the imports: the read must go beyond that to be seen at all.
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    before = status("VmRSS")
     read(*array)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print((peak - pages * resource.getpagesize() / 1024) / 1024)
+    print(status("VmHWM") - before)
+
+
+def status(field: str) -> float:
+    """A figure of this process in MB; a child's getrusage would begin with its parent's peak."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(float(line.split()[1]) for line in lines if line.startswith(field)) / 1024
 
 
 def main() -> None:

@@ -38,7 +38,7 @@ def examine() -> list[Finding]:
         _try("compiled kernels", _kernels),
         _try("kernel cache", _cache, is_core=False),
         _tool("C compiler", (os.environ.get("CC", ""), "cc", "gcc", "clang"), "needed by benchmarks/trial.py only"),
-        _tool("ngspice", ("ngspice",), "not used by this version"),
+        _tool("ngspice", ("ngspice",), "runs netlists with circuit run --engine ngspice"),
     ]
     return found
 
