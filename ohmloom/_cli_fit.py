@@ -82,13 +82,15 @@ def device_fit(
             weights=weighted, screen=screen, starts=starts, profile=profile, name=name,
             report=lambda done, total, best: report(law, done, total, best),
         )  # fmt: skip
+    if not json_:
+        # Before anything is written: a full disk must not cost the result.
+        print(found.summary())
+        for text in found.warnings:
+            print(f"warning: {text}", flush=True)
     paths = [] if out is None else save_fit(found, out)
     if json_:
         _print_json({**_fit_table(found), "seed": seed, "files": [str(path) for path in paths]})
         return
-    print(found.summary())
-    for text in found.warnings:
-        print(f"warning: {text}")
     for path in paths:
         print(path)
 

@@ -75,7 +75,10 @@ def check_targets(targets: list[Path], inputs: list[Path]) -> None:
 
 def check_folder(folder: Path) -> None:
     """Refuse a place that cannot be a folder before any work is done for it."""
-    inside = next((p for p in [folder, *folder.parents] if p.exists()), Path())
+    # A link that leads nowhere is there, and is no folder.
+    inside = next((p for p in [folder, *folder.parents] if os.path.lexists(p)), Path())
+    if inside.is_symlink() and not inside.exists():
+        raise ParameterError(f"--out: expected a folder, got the broken link {inside}. Use another path.")
     if not inside.is_dir():
         raise ParameterError(f"--out: expected a folder, got the file {inside}. Use another path.")
     if not os.access(inside, os.W_OK):

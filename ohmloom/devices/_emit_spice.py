@@ -52,7 +52,7 @@ def emit_spice(name: str, header: list[str], law: Law, values: tuple[float, ...]
         "",
         f"Use: .include this file, then  Xm a b {name} s0=0.2  with any parameter set on the same line.",
         "Node x holds the state, q the state charge in C (V(xm.q)), i the current in A, rate ds/dt in 1/s. An outward",
-        f"rate fades to 0 over the last {WALL!r} of s; s0 holds in .tran, with and without uic; .op finds where s rests.",
+        f"rate fades to 0 over the last {WALL!r} of s. s0 holds in .tran, also with uic; .op finds where s rests.",
     ]
     return "\n".join([*(f"* {note}".rstrip() for note in notes), *(_continued(line) for line in body)]) + "\n"
 

@@ -349,3 +349,12 @@ def test_progress_is_shown_once_a_fit_takes_long(run, csv, monkeypatch):
 
 def test_a_long_default_is_apart_from_what_it_means(run):
     assert "default 3.33333e+09 " in run("device", "list", "--laws")[1]
+
+
+def test_an_out_that_is_a_broken_link_is_refused_before_the_fit(tmp_path, capsys):
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(SystemExit) as stopped:
+        main(["device", "fit", "redox", "--law", "peo_pani_redox", "--out", str(tmp_path / "link")])
+    assert stopped.value.code == 2
+    message = f"ohmloom: --out: expected a folder, got the broken link {tmp_path / 'link'}. Use another path.\n"
+    assert capsys.readouterr().err == message

@@ -25,6 +25,8 @@ def check_inputs(measurements: Any, holdout: Any, screen: Any, starts: Any,
         raise ParameterError("fit.measurements: expected at least one Measurement, got none. Read one with read_csv.")
     names = [sweep.name for sweep in (*sweeps, *held_out)]
     for name in names:
+        check_text("fit.measurements: name", name)
+    for name in names:
         if names.count(name) > 1:
             raise ParameterError(f"fit.measurements: expected sweeps of different names, got {name!r} twice. "
                                  "Pass name= to read_csv.")  # fmt: skip
@@ -32,6 +34,13 @@ def check_inputs(measurements: Any, holdout: Any, screen: Any, starts: Any,
     expect_integer("fit.starts", starts, 1, 10_000)
     expect_type("fit.rng", rng, np.random.Generator)
     return sweeps, held_out
+
+
+def check_text(where: str, text: Any) -> None:
+    """Refuse what a card could not hold, or a picture not show."""
+    expect_type(where, text, str)
+    if not text or not text.isprintable():
+        raise ParameterError(f"{where}: expected printable text, got {shown(text)}. Use another name.")
 
 
 def check_names(law: Any, fixed: Mapping[str, float], free: Sequence[str]) -> Law:

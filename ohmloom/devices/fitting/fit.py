@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom.devices.card import Card, CardValue, DataFile, write_card
-from ohmloom.devices.fitting._checks import Weights, check_inputs, check_names, sizes
+from ohmloom.devices.fitting._checks import Weights, check_inputs, check_names, check_text, sizes
 from ohmloom.devices.fitting._coordinates import Coordinates, choose
 from ohmloom.devices.fitting._features import Features
 from ohmloom.devices.fitting._interrupt import deferred_interrupts
@@ -23,7 +23,7 @@ from ohmloom.devices.fitting.profiles import needed_profiles, profile_of
 from ohmloom.devices.fitting.result import Fit, ProfileResult, StartResult, SweepResult, limits_in_words, root_mean
 from ohmloom.devices.measurement import Measurement
 from ohmloom.devices.revisit import charge_revisit
-from ohmloom.errors import OperationError, ParameterError, expect_type
+from ohmloom.errors import OperationError, ParameterError
 
 SUBSTEPS, MOST_SUBSTEPS = 2, 32
 # Times that the fit may start again from a better point that a profile met.
@@ -97,7 +97,7 @@ def fit(measurements: Measurement | Sequence[Measurement], law: str, *, rng: np.
     fixed = {} if fixed is None else fixed
     chosen = check_names(law, fixed, free)
     if name is not None:
-        expect_type("fit.name", name, str)
+        check_text("fit.name", name)
     coordinates = choose(chosen, fixed, free)
     scale = sizes(sweeps, weights)
     for sweep in held_out:

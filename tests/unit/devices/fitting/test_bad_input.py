@@ -129,3 +129,9 @@ def test_an_extreme_sweep_fits_or_is_refused_without_nan(loop, law, tmp_path):
             continue
         assert isinstance(refusal, OperationError)
         assert "to give a finite current from at least one start, got none." in str(refusal)
+
+
+@pytest.mark.parametrize("name", ["", "a\nb", "a\udcff"])
+def test_a_name_that_no_card_could_hold_is_refused_before_the_search(name):
+    with pytest.raises(ParameterError, match=r"^fit.name: expected printable text, got .*\. Use another name\.$"):
+        fit(Measurement.read_csv("redox"), "linear", rng=np.random.default_rng(0), name=name)
