@@ -2,13 +2,13 @@
 
 Run: python examples/measurements/make.py
 
-- pickett.csv, pickett_fast.csv: HP's TiO2 by Pickett's law behind the 2.4 kOhm of its published test circuit, over 6 s and
-  0.6 s. v is the source's voltage.
-- redox.csv, redox_staircase.csv: polyaniline by the redox law with the values of the card `peo_pani_redox`: a triangle between
-  0.8 V and -0.3 V, and steps of 0.1 V between 1 V and -0.2 V.
+- pickett.csv, pickett_fast.csv: HP's TiO2 by Pickett's law behind the 2.4 kOhm of its published test circuit, over 6 s
+  and 0.6 s. v is the source's voltage.
+- redox.csv, redox_staircase.csv: polyaniline by the redox law with the values of the card `peo_pani_redox`: a triangle
+  between 0.8 V and -0.3 V, and steps of 0.1 V between 1 V and -0.2 V.
 
-Each current has Gaussian noise of 1 % of its rms. The same files are package data (`ohmloom/devices/measurements`), so that
-they are there without a clone; this script writes both.
+Each current has Gaussian noise of 1 % of its rms. The same files are package data (`ohmloom/devices/measurements`), so
+that they are there without a clone; this script writes both.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ def main() -> None:
         loop = device.simulate(v, t, s0=0.5 if device.law == "pickett" else 0.05)
         current = loop.i[first:] + NOISE * np.sqrt(np.mean(loop.i[first:] ** 2)) * rng.standard_normal(len(t) - first)
         # Six digits, as an instrument gives, so that the files are the same on every platform.
-        rounded = [np.array([float(f"{round(x, 12):.6g}") + 0.0 for x in column]) for column in (t[first:] - t[first], v[first:], current)]
+        columns = (t[first:] - t[first], v[first:], current)
+        rounded = [np.array([float(f"{round(x, 12):.6g}") + 0.0 for x in column]) for column in columns]
         sweep = Measurement(name=name, t=rounded[0], v=rounded[1], i=rounded[2],
                             series_resistance=TEST_RESISTOR if device.law == "pickett" else 0.0)  # fmt: skip
         for folder in FOLDERS:
