@@ -2,12 +2,13 @@
 
 import sys
 
-import badcrossbar
 import numpy as np
 
 
 def main(source, target):
     """Solve case by case: arrays g_k, v_k (pattern, word_line), wires_k (r_row, r_column)."""
+    import badcrossbar
+
     given, found = np.load(source), {}
     for k in range(int(given["cases"])):
         resistances = np.where(given[f"g_{k}"] > 0.0, 1.0 / np.maximum(given[f"g_{k}"], 1e-300), np.inf)
