@@ -92,7 +92,8 @@ def make_callable(function: Callable[..., Any], compiled_form: Callable[..., Any
     def choose(*arguments: Any) -> Any:
         return compiled_form
 
-    # numba wants the signature of what it compiles, annotations included.
+    # numba wants the signature of what it compiles, annotations included; inspect reads it from this attribute, which
+    # functions do not have for a type checker.
     choose.__signature__ = inspect.signature(compiled_form)  # type: ignore[attr-defined]
     _overload(function)(choose)
 

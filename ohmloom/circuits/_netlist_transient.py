@@ -22,6 +22,7 @@ from ohmloom._arrays import FloatArray
 from ohmloom._files import sha256
 from ohmloom.circuits._stamps import System
 from ohmloom.circuits.netlist_trace import ByName, NetlistTrace, OperatingPoint
+from ohmloom.devices._events import TerminalEvent
 from ohmloom.errors import OhmloomError, OperationError, ParameterError
 
 if TYPE_CHECKING:
@@ -204,8 +205,7 @@ class _Run:
             is_outward = rate <= 0.0 if s <= 0.0 else rate >= 0.0
             return min(inside, -sys.float_info.min) if is_outward else sys.float_info.min
 
-        event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]  # SciPy reads them from the function
-        return event
+        return TerminalEvent(event, -1.0)
 
     def _release(self, j: int, time: float, gap: float) -> Callable[[float, FloatArray], float]:
         """Rises through 0 where the rate of the memristor `j`, at a wall, begins to point inward."""
@@ -214,8 +214,7 @@ class _Run:
             inward = float(self._rates(time + u * gap, y)[self._k + j]) * (1.0 if y[self._k + j] < 0.5 else -1.0)
             return inward if inward > 0.0 else min(inward, -sys.float_info.min)
 
-        event.terminal, event.direction = True, 1.0  # type: ignore[attr-defined]
-        return event
+        return TerminalEvent(event, 1.0)
 
     def _rates(self, t: float, y: FloatArray) -> FloatArray:
         key = y.tobytes()

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from ohmloom.devices._events import TerminalEvent
 from ohmloom.errors import OperationError
 
 Rate = Callable[[float, float], float]
@@ -141,7 +142,6 @@ def _implicit(rate: Rate, start: float, end: float, s: float, name: str) -> tupl
     def done(_: float, y: Any) -> float:
         return float(y[0]) - 1.0
 
-    done.terminal, done.direction = True, 1.0  # type: ignore[attr-defined]  # SciPy reads them from the function
     solution = solve_ivp(
         slopes,
         (0.0, LONGEST_PATH),
@@ -150,7 +150,7 @@ def _implicit(rate: Rate, start: float, end: float, s: float, name: str) -> tupl
         jac=jacobian,
         rtol=RTOL,
         atol=IMPLICIT_ATOL,
-        events=(*_walls(lambda _, y, wall: speed(float(y[0]), wall) * (1.0 - 2.0 * wall)), done),
+        events=(*_walls(lambda _, y, wall: speed(float(y[0]), wall) * (1.0 - 2.0 * wall)), TerminalEvent(done, 1.0)),
     )
     if solution.status != 1:
         raise failure(name, start, end, solution.message)
@@ -180,7 +180,4 @@ def _walls(inward_rate: Callable[[float, Any, float], float]) -> tuple[Event, Ev
         distance = float(y[-1])
         return distance if distance > 0.0 or inward_rate(x, y, 0.0) <= 0.0 else sys.float_info.min
 
-    # SciPy reads an event's settings from attributes of its function, which a type checker does not expect.
-    far.terminal, far.direction = True, 1.0  # type: ignore[attr-defined]
-    near.terminal, near.direction = True, -1.0  # type: ignore[attr-defined]
-    return far, near
+    return TerminalEvent(far, 1.0), TerminalEvent(near, -1.0)
