@@ -10,9 +10,11 @@ import pytest
 
 SURFACE = {
     "ohmloom.circuits": [
-        "VCCS", "VCVS", "Capacitor", "Constant", "Crossbar", "CrossbarTrace", "CurrentSource", "Memristor",
-        "MemristorCrossbar", "Netlist", "NetlistTrace", "OperatingPoint", "PiecewiseLinear", "Pulse", "Read",
-        "Resistor", "Sine", "Subcircuit", "TwoPartSpike", "VoltageSource", "crossbar_netlist", "run_ngspice",
+        "VCCS", "VCVS", "Capacitor", "Conduction", "Constant", "Crossbar", "CrossbarTrace", "CurrentSource",
+        "Memristor", "MemristorCrossbar", "Netlist", "NetlistTrace", "OperatingPoint", "PiecewiseLinear",
+        "Pulse", "PulseTrain", "Read", "Resistor", "SelectorConduction", "Sine", "SinhConduction",
+        "Subcircuit", "TwoPartSpike", "VoltageSource", "crossbar_netlist", "plot_crossbar", "plot_schematic",
+        "run_ngspice",
     ],
     "ohmloom.devices": [
         "LAWS", "CardValue", "Comparison", "DataFile", "Device", "Fit", "Law", "Measurement", "Parameter", "Revisit",

@@ -30,6 +30,21 @@ if [ -n "${MEASURED:-}" ]; then
     python benchmarks/fits.py $what $data > "docs/examples/fits_$what.txt"
   done
 fi
+python - <<'PY'
+import numpy as np
+from matplotlib.figure import Figure
+
+from ohmloom.circuits import Crossbar, SinhConduction, plot_crossbar, plot_schematic
+
+g = np.random.default_rng(1).uniform(5e-5, 1e-3, (4, 3))
+g[1, 2] = 0.0
+array = Crossbar(conductance=g, r_row=5.0, r_column=5.0, conduction=SinhConduction(scale=0.3))
+figure = Figure(figsize=(12, 5), layout="constrained")
+circuit, heat = figure.subplots(1, 2)
+plot_schematic(array, [1.0, 0.5, 0.0, -0.7], ax=circuit)
+plot_crossbar(array, [1.0, 0.5, 0.0, -0.7], what="ir_drop", ax=heat)
+figure.savefig("docs/images/schematic.png", dpi=110, metadata={"Software": None})
+PY
 command="ohmloom evaluate $net --hardware het_mixed --dies 20 --seed 1"
 { echo "\$ $command"; $command 2> /dev/null || test $? -eq 1; } > docs/examples/evaluate.txt
 python - <<'PY'

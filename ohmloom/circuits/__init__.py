@@ -6,6 +6,7 @@ from node p to node n through an element of a netlist.
 
 from __future__ import annotations
 
+from ohmloom.circuits.conduction import Conduction, SelectorConduction, SinhConduction
 from ohmloom.circuits.crossbar import Crossbar, Read
 from ohmloom.circuits.elements import (
     VCCS,
@@ -20,6 +21,8 @@ from ohmloom.circuits.elements import (
 from ohmloom.circuits.memristor_crossbar import CrossbarTrace, MemristorCrossbar
 from ohmloom.circuits.netlist import Netlist
 from ohmloom.circuits.netlist_trace import NetlistTrace, OperatingPoint
+from ohmloom.circuits.plots import plot_crossbar, plot_schematic
+from ohmloom.circuits.pulses import PulseTrain
 from ohmloom.circuits.spice import crossbar_netlist, run_ngspice
 from ohmloom.circuits.waveforms import Constant, PiecewiseLinear, Pulse, Sine, TwoPartSpike
 
@@ -27,6 +30,7 @@ __all__ = [
     "VCCS",
     "VCVS",
     "Capacitor",
+    "Conduction",
     "Constant",
     "Crossbar",
     "CrossbarTrace",
@@ -38,12 +42,17 @@ __all__ = [
     "OperatingPoint",
     "PiecewiseLinear",
     "Pulse",
+    "PulseTrain",
     "Read",
     "Resistor",
+    "SelectorConduction",
     "Sine",
+    "SinhConduction",
     "Subcircuit",
     "TwoPartSpike",
     "VoltageSource",
     "crossbar_netlist",
+    "plot_crossbar",
+    "plot_schematic",
     "run_ngspice",
 ]

@@ -6,15 +6,21 @@ import html
 from dataclasses import dataclass
 from dataclasses import replace as replace_fields
 from functools import cached_property
-from typing import Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom.circuits._line_solver import solve
 from ohmloom.circuits._lines import make_lines
+from ohmloom.circuits._newton import solve_nonlinear
+from ohmloom.circuits.conduction import Conduction
 from ohmloom.errors import ParameterError, UnknownNameError, expect_number, expect_type, shown
 from ohmloom.units import format_quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Drive = Literal["left", "both"]
 Sense = Literal["bottom", "both"]
@@ -99,6 +105,9 @@ class Crossbar:
         leaves the line floating.
     drive, sense
         "both": rows are driven, columns sensed, at their far ends too, through the same resistances.
+    conduction
+        How a device conducts beyond low field, `SinhConduction` or `SelectorConduction`; None: ohmic. The conductance
+        is then that at low field (of the open selector).
 
     Raises
     ------
@@ -120,6 +129,7 @@ class Crossbar:
     r_sense: Any = 0.0
     drive: Drive = "left"
     sense: Sense = "bottom"
+    conduction: Conduction | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -153,6 +163,13 @@ class Crossbar:
             expect_type(f"Crossbar.{field}", chosen, str)
             if chosen not in known:
                 raise UnknownNameError.of(f"Crossbar.{field}", chosen, known)
+        if self.conduction is not None:
+            expect_type(
+                "Crossbar.conduction",
+                self.conduction,
+                Conduction,
+                name="a SinhConduction, a SelectorConduction, or None",
+            )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -165,6 +182,35 @@ class Crossbar:
         if unknown:
             raise UnknownNameError.of("Crossbar.replace", unknown[0], self.__dataclass_fields__)
         return replace_fields(self, **changes)
+
+    def with_stuck(self, where: Any, conductance: float) -> Crossbar:
+        """A copy in which the devices of a mask have one conductance, whatever they had.
+
+        Parameters
+        ----------
+        where
+            Booleans, axes (..., word_line, bit_line), which broadcast against the conductances.
+        conductance
+            S; 0 for stuck open.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> array = Crossbar(conductance=np.full((2, 2), 1e-3))
+        >>> array.with_stuck([[True, False], [False, False]], 0.0).read([1.0, 1.0]).current.tolist()
+        [0.001, 0.002]
+        """
+        mask = np.asarray(where)
+        try:
+            if mask.dtype != np.bool_:
+                raise ValueError
+            shape = np.broadcast_shapes(mask.shape, self.conductance.shape)
+        except ValueError:
+            raise ParameterError(f"Crossbar.with_stuck: where: expected booleans that broadcast against axes (..., "
+                                 f"word_line={self.shape[0]}, bit_line={self.shape[1]}), got {mask.dtype} of shape "
+                                 f"{mask.shape}. Give one per device.") from None  # fmt: skip
+        value = expect_number("Crossbar.with_stuck: conductance", conductance, "a conductance in S")
+        return self.replace(conductance=np.where(mask, value, np.broadcast_to(self.conductance, shape)))
 
     def read(self, v: Any, *, guess: Read | None = None) -> Read:
         """Currents for voltages on the rows.
@@ -198,6 +244,7 @@ class Crossbar:
             conductance=np.swapaxes(self.conductance, -1, -2)[..., ::-1, ::-1], r_row=self.r_column,
             r_column=self.r_row, r_driver=self.r_sense[::-1], r_sense=self.r_driver[::-1],
             drive="both" if self.sense == "both" else "left", sense="both" if self.drive == "both" else "bottom",
+            conduction=self.conduction,
         )  # fmt: skip
         voltages = _voltages("Crossbar.read_transposed: v", v, "bit_line", self.shape[1])
         read = turned.read(voltages[..., ::-1])
@@ -217,7 +264,15 @@ class Crossbar:
 
         ``read(v).current`` is ``v @ operator()``. By recursive substructuring where both wires resist and far ends
         are open, else by one read per row.
+
+        Raises
+        ------
+        ParameterError
+            If devices are not ohmic, since there is no linear map then.
         """
+        if self.conduction is not None:
+            raise ParameterError("Crossbar.operator: expected ohmic devices, got "
+                                 f"{type(self.conduction).__name__}. Read, or replace(conduction=None).")  # fmt: skip
         m, n = self.shape
         g = self.conductance.reshape(-1, m, n)
         # The blocks are padded at the far ends, which therefore must be open.
@@ -230,16 +285,39 @@ class Crossbar:
         reads = self.replace(conductance=g[:, None]).read(np.eye(m))
         return reads.current.reshape(self.conductance.shape)
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the conductances as a heat map; see `ohmloom.circuits.plot_crossbar` for currents, IR drop and more."""
+        from ohmloom.circuits.plots import plot_crossbar
+
+        return plot_crossbar(self, ax=ax)
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write ``word_line,bit_line,conductance_S``, a line per device, whole or not at all.
+
+        Raises
+        ------
+        ParameterError
+            If this is a batch.
+        """
+        from ohmloom.circuits.tables import write_placement
+
+        write_placement(self, path)
+
     def _solve(self, v: FloatArray, batch: tuple[int, ...], guess: Read | None) -> Read:
         m, n = self.shape
         own = self.conductance.shape[:-2]
-        # A single crossbar takes all patterns at once; else each member of the batch has its own pattern.
-        if int(np.prod(own)) == 1:
+        # A single crossbar takes all patterns at once; else each member of the batch has its own pattern, as it has
+        # where the tangents of its devices depend on the pattern.
+        if int(np.prod(own)) == 1 and self.conduction is None:
             g, volts = self.conductance.reshape(1, m, n), np.broadcast_to(v, (*batch, m)).reshape(-1, 1, m)
         else:
             g = np.broadcast_to(self.conductance, (*batch, m, n)).reshape(-1, m, n)
             volts = np.broadcast_to(v, (*batch, m)).reshape(1, -1, m)
         sides = self._sides(volts)
+        if self.conduction is not None:
+            held = [(side.segment, side.ends, side.held) for side in sides]
+            u, w, device, iterations = solve_nonlinear(g, held[0], held[1], self.conduction)
+            return self._as_read(v, batch, u, w, device, iterations)
         rows = make_lines(g, self.r_row, sides[0].ends, sides[0].held)
         turned = np.ascontiguousarray(np.swapaxes(g, -1, -2))
         columns = make_lines(turned, self.r_column, sides[1].ends, sides[1].held)
@@ -251,7 +329,11 @@ class Crossbar:
                                      f"{guess.v_row.shape}. Leave it out.")  # fmt: skip
             start = guess.v_row.reshape(*volts.shape[:2], m, n)
         u, w, iterations = solve(g, rows, columns, start)
-        device = g * (u - w)
+        return self._as_read(v, batch, u, w, g * (u - w), iterations)
+
+    def _as_read(self, v: FloatArray, batch: tuple[int, ...], u: FloatArray, w: FloatArray, device: FloatArray,
+                 iterations: int) -> Read:  # fmt: skip
+        m, n = self.shape
         current = device.sum(axis=-2)
         # Nothing leaves a column that floats at both ends, but for rounding.
         current[..., np.isinf(self.r_sense)] = 0.0

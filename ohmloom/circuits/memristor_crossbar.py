@@ -190,6 +190,12 @@ class MemristorCrossbar:
         return Crossbar(conductance=g, r_row=self.r_row, r_column=self.r_column, r_driver=self.r_driver,
                         r_sense=self.r_sense, drive=self.drive, sense=self.sense)  # fmt: skip
 
+    def write_csv(self, path: str | Path) -> None:
+        """Write ``word_line,bit_line,card,s,conductance_S``, a line per crosspoint, whole or not at all."""
+        from ohmloom.circuits.tables import write_devices
+
+        write_devices(self, path)
+
     def simulate(self, t: Any, v_row: Any, v_column: Any = 0.0, *, tolerance: float = TOLERANCE) -> CrossbarTrace:
         """Drive the lines and follow every device.
 
