@@ -13,8 +13,8 @@ SURFACE = {
         "VCCS", "VCVS", "Capacitor", "Conduction", "Constant", "Crossbar", "CrossbarTrace", "CurrentSource",
         "Memristor", "MemristorCrossbar", "Netlist", "NetlistTrace", "OperatingPoint", "PiecewiseLinear",
         "Pulse", "PulseTrain", "Read", "Resistor", "SelectorConduction", "Sine", "SinhConduction",
-        "Subcircuit", "TwoPartSpike", "VoltageSource", "crossbar_netlist", "plot_crossbar", "plot_schematic",
-        "run_ngspice",
+        "Subcircuit", "TwoPartSpike", "VoltageSource", "crossbar_netlist", "memristor_netlist", "plot_crossbar",
+        "plot_schematic", "run_ngspice",
     ],
     "ohmloom.devices": [
         "LAWS", "CardValue", "Comparison", "DataFile", "Device", "Fit", "Law", "Measurement", "Parameter", "Revisit",

@@ -6,6 +6,7 @@ from node p to node n through an element of a netlist.
 
 from __future__ import annotations
 
+from ohmloom.circuits.array_netlist import crossbar_netlist, memristor_netlist
 from ohmloom.circuits.conduction import Conduction, SelectorConduction, SinhConduction
 from ohmloom.circuits.crossbar import Crossbar, Read
 from ohmloom.circuits.elements import (
@@ -23,7 +24,7 @@ from ohmloom.circuits.netlist import Netlist
 from ohmloom.circuits.netlist_trace import NetlistTrace, OperatingPoint
 from ohmloom.circuits.plots import plot_crossbar, plot_schematic
 from ohmloom.circuits.pulses import PulseTrain
-from ohmloom.circuits.spice import crossbar_netlist, run_ngspice
+from ohmloom.circuits.spice import run_ngspice
 from ohmloom.circuits.waveforms import Constant, PiecewiseLinear, Pulse, Sine, TwoPartSpike
 
 __all__ = [
@@ -52,6 +53,7 @@ __all__ = [
     "TwoPartSpike",
     "VoltageSource",
     "crossbar_netlist",
+    "memristor_netlist",
     "plot_crossbar",
     "plot_schematic",
     "run_ngspice",

@@ -19,13 +19,11 @@ from ohmloom._arrays import FloatArray
 from ohmloom._files import read_bytes, sha256, write_atomic
 from ohmloom.circuits._raw_file import Plot, parse_raw
 from ohmloom.circuits._topology import check_topology
-from ohmloom.circuits.crossbar import Crossbar
 from ohmloom.circuits.elements import (
     VCCS,
     VCVS,
     Capacitor,
     CurrentSource,
-    Element,
     Memristor,
     Resistor,
     Simple,
@@ -145,61 +143,6 @@ def run_ngspice(
                  for part in ("v", "i")}  # fmt: skip
         return NetlistTrace(t=t, **parts, s={}, q={}, residual=0.0, provenance=provenance)
     return _trace(netlist, t, plot, raw, provenance)
-
-
-def crossbar_netlist(crossbar: Crossbar, v: Any) -> Netlist:
-    """A crossbar, with the voltages `v` [V], axes (word_line,), on its rows, as a netlist of resistors.
-
-    Device (i, j) is ``D_i_j`` between ``row_i_j`` and ``column_i_j``; the current into the sense of column j is that of
-    ``S_j`` (and of ``T_j`` at the far end). Wires without resistance are single nodes ``row_i``, ``column_j``; open
-    devices are left out.
-
-    Raises
-    ------
-    ParameterError
-        If the crossbar is a batch, or `v` has other axes.
-    """
-    expect_type("crossbar_netlist", crossbar, Crossbar)
-    if crossbar.conductance.ndim != 2:
-        raise ParameterError(f"crossbar_netlist: expected one crossbar, axes (word_line, bit_line), got shape "
-                             f"{crossbar.conductance.shape}. Take one of the batch.")  # fmt: skip
-    m, n = crossbar.shape
-    volts = np.asarray(v, dtype=np.float64)
-    if volts.shape != (m,) or not np.isfinite(volts).all():
-        raise ParameterError(f"crossbar_netlist: v: expected finite voltages, axes (word_line={m},), got shape "
-                             f"{volts.shape}. Give one voltage per word line.")  # fmt: skip
-    row = [[f"row_{i}_{j}" if crossbar.r_row else f"row_{i}" for j in range(n)] for i in range(m)]
-    column = [[f"column_{i}_{j}" if crossbar.r_column else f"column_{j}" for j in range(n)] for i in range(m)]
-    parts: list[Element] = []
-    for i in range(m):
-        ends = {"P": row[i][0], "Q": row[i][-1]} if crossbar.drive == "both" else {"P": row[i][0]}
-        if crossbar.r_row == 0.0:
-            ends = {"P": row[i][0]}
-        r = (crossbar.r_row + float(crossbar.r_driver[i])) / (2.0 if _is_doubled(crossbar.drive, crossbar.r_row) else 1)
-        parts.append(VoltageSource(name=f"V_{i}", p=f"drive_{i}", n="0", voltage=float(volts[i])))
-        parts += [Resistor(name=f"{k}_{i}", p=f"drive_{i}", n=node, resistance=r) for k, node in ends.items()
-                  if np.isfinite(r)]  # fmt: skip
-    for j in range(n):
-        ends = {"S": column[-1][j], "T": column[0][j]} if crossbar.sense == "both" else {"S": column[-1][j]}
-        if crossbar.r_column == 0.0:
-            ends = {"S": column[0][j]}
-        r = crossbar.r_column + float(crossbar.r_sense[j])
-        r /= 2.0 if _is_doubled(crossbar.sense, crossbar.r_column) else 1.0
-        parts += [Resistor(name=f"{k}_{j}", p=node, n="0", resistance=r) for k, node in ends.items() if np.isfinite(r)]
-    for i, j in np.ndindex(m, n):
-        if crossbar.conductance[i, j] > 0.0:
-            resistance = 1.0 / float(crossbar.conductance[i, j])
-            parts.append(Resistor(name=f"D_{i}_{j}", p=row[i][j], n=column[i][j], resistance=resistance))
-        if crossbar.r_row > 0.0 and j + 1 < n:
-            parts.append(Resistor(name=f"W_{i}_{j}", p=row[i][j], n=row[i][j + 1], resistance=crossbar.r_row))
-        if crossbar.r_column > 0.0 and i + 1 < m:
-            parts.append(Resistor(name=f"U_{i}_{j}", p=column[i][j], n=column[i + 1][j], resistance=crossbar.r_column))
-    return Netlist(name="crossbar", elements=tuple(parts))
-
-
-def _is_doubled(ends: str, segment: float) -> bool:
-    """Whether two terminations in parallel act on one node: both ends of a line without resistance."""
-    return ends == "both" and segment == 0.0
 
 
 def _names(elements: tuple[Simple, ...]) -> dict[str, str]:
