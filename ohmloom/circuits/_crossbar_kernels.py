@@ -1,12 +1,24 @@
-"""Compiled crossbars: potentials by line-preconditioned conjugate gradients, and devices followed through time.
+"""Compiled potentials of one crossbar, for other kernels to call: line-preconditioned conjugate gradients in loops.
 
-The same method as `_line_solver` and `_lines`, for one array without batch, in loops. A set of lines is given by
-`segment` [ohm], the conductance of its near and far terminations [S] (infinite: ideal, where `segment` is 0) and the
-voltage that they hold. Time integration: classical Runge-Kutta steps, halved until two of half the length agree with
-one.
+The method is that of `_line_solver`, without batch. The one to call is
 
-A device of an ideal law carries its flux, which barely bends within a pulse; any other its state. Both are held within
-their walls: a wall within a step is exact for its own device, and the step's length for all others.
+    solve_potentials(g, source, rows, columns, v_row, v_column, u, w, work, tolerance, is_warm) -> iterations
+
+`g`, `source`, `u` and `w` have axes (word_line, bit_line) = (m, n): conductances [S] (0 is open), a current that each
+device drives besides from row to column [A] (zeros for plain devices), and the potentials of the row nodes and of the
+column nodes [V], which it fills. `rows` and `columns` are ``(segment, near, far)``: ohm per wire segment (0 is
+allowed), and of every line the conductance [S] of its terminations before the first and after the last node, the
+segment up to there included: 0 is none (a line may float), infinite is ideal and needs `segment` 0. `v_row` (m,) and
+`v_column` (n,) are the voltages [V] that they hold. `work` is scratch, C-contiguous of shape ``(SCRATCH, m, n)``, with
+nothing to keep in it; nothing is allocated. `tolerance` is the relative error in the energy norm (`TOLERANCE` is as
+far as rounding goes). With `is_warm`, `u` holds a guess on entry, which costs nothing and saves iterations.
+
+Returns the iterations, or -1 if they do not converge: then `u` and `w` hold no solution. Terminations, `g` and
+`source` must be finite otherwise; nothing is checked here.
+
+Every line is eliminated node by node, with all lines of a set side by side in the inner loop: node is the first axis,
+so that the rows are worked on transposed. Pivots are sums of conductances without a difference, so that a floating
+line behind small resistances keeps its digits.
 """
 
 from __future__ import annotations
@@ -14,386 +26,207 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from ohmloom._jit import inner_kernel, kernel
-from ohmloom.devices._kernels import charge_rate, conductance, flux
 
 MOST_ITERATIONS = 2000
 # Relative error in the energy norm; the potentials' own is of this size.
 TOLERANCE = 1e-13
-MOST_HALVINGS = 40
-NEWTON_ROUNDS = 60
-INVERSION_ROUNDS = 80
+# Where rounding stops it earlier, this still counts as solved.
+ACCEPTED = 1e-11
+SCRATCH = 11
 
 
 @inner_kernel
-def _factor(g: Any, by_row: bool, segment: float, near: Any, far: Any, factors: Any, lumps: Any) -> None:
-    """Thomas factors of every wire, or the reciprocal of a line's conductance to the rest if it has no resistance."""
-    lines, nodes = (g.shape[0], g.shape[1]) if by_row else (g.shape[1], g.shape[0])
+def _factor(g: Any, segment: float, near: Any, far: Any, factors: Any) -> None:
+    """Inverse pivots of every wire, axes (node, line); without resistance, those of the whole line in node 0."""
+    nodes, lines = g.shape
+    first, last = factors[0], factors[nodes - 1]
+    if segment == 0.0:
+        for a in range(lines):
+            first[a] = near[a] + far[a]
+        for b in range(nodes):
+            devices = g[b]
+            for a in range(lines):
+                first[a] += devices[a]
+        for a in range(lines):
+            # An ideal line takes any current: 1/infinity. One that nothing holds is at zero.
+            first[a] = 1.0 / first[a] if first[a] > 0.0 else 1.0
+        return
+    c = 1.0 / segment
+    # What holds a node from behind, in series with the segment to the next one.
     for a in range(lines):
-        if segment == 0.0:
-            total = 0.0
-            for b in range(nodes):
-                total += g[a, b] if by_row else g[b, a]
-            if math.isinf(near[a]) or math.isinf(far[a]):
-                lumps[a] = 0.0
-            else:
-                total += near[a] + far[a]
-                lumps[a] = 1.0 / total if total > 0.0 else 1.0
-            continue
-        c = 1.0 / segment
-        held = near[a] + far[a]
-        for b in range(nodes):
-            held += g[a, b] if by_row else g[b, a]
-        previous = 0.0
-        for b in range(nodes):
-            d = (g[a, b] if by_row else g[b, a]) + (near[a] if b == 0 else c) + (far[a] if b == nodes - 1 else c)
-            if b == 0 and held == 0.0:
-                d += 1.0
-            if b > 0:
-                d -= c * c / previous
-            previous = d
-            if by_row:
-                factors[a, b] = d
-            else:
-                factors[b, a] = d
-
-
-@inner_kernel
-def _potential(by_row: bool, segment: float, factors: Any, lumps: Any, put_in: Any, out: Any) -> None:
-    """Potentials for currents that are put in, terminations at zero."""
-    lines, nodes = (put_in.shape[0], put_in.shape[1]) if by_row else (put_in.shape[1], put_in.shape[0])
-    c = 0.0 if segment == 0.0 else 1.0 / segment
+        last[a] = near[a]
+    for b in range(nodes - 1):
+        devices, pivots = g[b], factors[b]
+        for a in range(lines):
+            held = last[a] + devices[a]
+            inverse = 1.0 / (held + c)
+            last[a] = c * held * inverse
+            pivots[a] = inverse
+    devices = g[nodes - 1]
     for a in range(lines):
-        if segment == 0.0:
-            total = 0.0
-            for b in range(nodes):
-                total += put_in[a, b] if by_row else put_in[b, a]
-            for b in range(nodes):
-                if by_row:
-                    out[a, b] = total * lumps[a]
-                else:
-                    out[b, a] = total * lumps[a]
-            continue
-        carried = 0.0
-        for b in range(nodes):
-            if by_row:
-                carried = put_in[a, b] + (c * carried / factors[a, b - 1] if b > 0 else 0.0)
-                out[a, b] = carried
-            else:
-                carried = put_in[b, a] + (c * carried / factors[b - 1, a] if b > 0 else 0.0)
-                out[b, a] = carried
-        following = 0.0
-        for b in range(nodes - 1, -1, -1):
-            if by_row:
-                following = (out[a, b] + c * following) / factors[a, b]
-                out[a, b] = following
-            else:
-                following = (out[b, a] + c * following) / factors[b, a]
-                out[b, a] = following
+        held = last[a] + devices[a] + far[a]
+        last[a] = 1.0 / held if held > 0.0 else 1.0
 
 
 @inner_kernel
-def _terminals(by_row: bool, segment: float, near: Any, far: Any, held: Any, put_in: Any) -> None:
+def _potential(segment: float, factors: Any, put_in: Any, out: Any) -> None:
+    """Potentials for currents that are put in, terminations at zero; axes (node, line)."""
+    nodes, lines = put_in.shape
+    if segment == 0.0:
+        first, inverses = out[0], factors[0]
+        for a in range(lines):
+            first[a] = 0.0
+        for b in range(nodes):
+            given = put_in[b]
+            for a in range(lines):
+                first[a] += given[a]
+        for a in range(lines):
+            first[a] *= inverses[a]
+        for b in range(1, nodes):
+            here = out[b]
+            for a in range(lines):
+                here[a] = first[a]
+        return
+    c = 1.0 / segment
+    here, given, inverses = out[0], put_in[0], factors[0]
+    for a in range(lines):
+        here[a] = given[a] * inverses[a]
+    for b in range(1, nodes):
+        here, before, given, inverses = out[b], out[b - 1], put_in[b], factors[b]
+        for a in range(lines):
+            here[a] = (given[a] + c * before[a]) * inverses[a]
+    for b in range(nodes - 2, -1, -1):
+        here, after, inverses = out[b], out[b + 1], factors[b]
+        for a in range(lines):
+            here[a] += c * inverses[a] * after[a]
+
+
+@inner_kernel
+def _terminals(near: Any, far: Any, held: Any, put_in: Any) -> None:
     """Add the currents that the terminations put in; an ideal line gets none, its potential is `held`."""
-    lines, nodes = (put_in.shape[0], put_in.shape[1]) if by_row else (put_in.shape[1], put_in.shape[0])
+    nodes, lines = put_in.shape
     for a in range(lines):
-        if segment == 0.0 and (math.isinf(near[a]) or math.isinf(far[a])):
-            continue
-        if by_row:
-            put_in[a, 0] += near[a] * held[a]
-            put_in[a, nodes - 1] += far[a] * held[a]
-        else:
+        if not math.isinf(near[a] + far[a]):
             put_in[0, a] += near[a] * held[a]
             put_in[nodes - 1, a] += far[a] * held[a]
 
 
 @inner_kernel
-def _ideal(by_row: bool, segment: float, near: Any, far: Any, held: Any, out: Any) -> None:
+def _ideal(near: Any, far: Any, held: Any, out: Any) -> None:
     """Add the voltage of ideal lines."""
-    if segment > 0.0:
-        return
-    lines, nodes = (out.shape[0], out.shape[1]) if by_row else (out.shape[1], out.shape[0])
+    nodes, lines = out.shape
     for a in range(lines):
-        if math.isinf(near[a]) or math.isinf(far[a]):
+        if math.isinf(near[a] + far[a]):
             for b in range(nodes):
-                if by_row:
-                    out[a, b] += held[a]
-                else:
-                    out[b, a] += held[a]
+                out[b, a] += held[a]
 
 
 @inner_kernel
-def solve_potentials(g: Any, source: Any, rows: Any, columns: Any, v_row: Any, v_column: Any, u: Any, w: Any,
-                     work: Any) -> int:  # fmt: skip
-    """Potentials u of the rows and w of the columns; each device also drives `source` [A] from row to column.
-
-    `rows` and `columns` are (segment, near, far). Returns the iterations, or -1 if they do not converge.
-    """
-    m, n = g.shape
-    row_factors, column_factors, base, r, z, p, ap, q, put_in, other = work[:10]
-    row_lumps, column_lumps = np.empty(m), np.empty(n)
-    r_row, row_near, row_far = rows
-    r_column, column_near, column_far = columns
-    _factor(g, True, r_row, row_near, row_far, row_factors, row_lumps)
-    _factor(g, False, r_column, column_near, column_far, column_factors, column_lumps)
-    # w0: the columns with all row nodes at zero.
-    for i in range(m):
-        for j in range(n):
-            put_in[i, j] = source[i, j]
-    _terminals(False, r_column, column_near, column_far, v_column, put_in)
-    _potential(False, r_column, column_factors, column_lumps, put_in, w)
-    _ideal(False, r_column, column_near, column_far, v_column, w)
-    for i in range(m):
-        for j in range(n):
-            put_in[i, j] = g[i, j] * w[i, j] - source[i, j]
-    _terminals(True, r_row, row_near, row_far, v_row, put_in)
-    _potential(True, r_row, row_factors, row_lumps, put_in, base)
-    _ideal(True, r_row, row_near, row_far, v_row, base)
-    scale = 0.0
-    for i in range(m):
-        for j in range(n):
-            u[i, j] = base[i, j]
-            other[i, j] = g[i, j] * base[i, j]
-            scale = scale + other[i, j] * base[i, j] + put_in[i, j] * base[i, j]
-    _potential(False, r_column, column_factors, column_lumps, other, q)
-    for i in range(m):
-        for j in range(n):
-            r[i, j] = g[i, j] * q[i, j]
-    _potential(True, r_row, row_factors, row_lumps, r, z)
-    rz = 0.0
-    for i in range(m):
-        for j in range(n):
-            p[i, j], ap[i, j] = z[i, j], r[i, j]
-            rz += r[i, j] * z[i, j]
-    goal = TOLERANCE * TOLERANCE * abs(scale)
-    iterations = 0
-    while rz > goal:
-        if iterations == MOST_ITERATIONS:
-            return -1
-        for i in range(m):
-            for j in range(n):
-                other[i, j] = g[i, j] * p[i, j]
-        _potential(False, r_column, column_factors, column_lumps, other, q)
-        pq = 0.0
-        for i in range(m):
-            for j in range(n):
-                q[i, j] = ap[i, j] - g[i, j] * q[i, j]
-                pq += p[i, j] * q[i, j]
-        if not pq > 0.0:
-            break
-        step = rz / pq
-        for i in range(m):
-            for j in range(n):
-                u[i, j] += step * p[i, j]
-                r[i, j] -= step * q[i, j]
-        _potential(True, r_row, row_factors, row_lumps, r, z)
-        after = 0.0
-        for i in range(m):
-            for j in range(n):
-                after += r[i, j] * z[i, j]
-        # Rounding ends the descent.
-        if after >= rz and rz < 1e6 * goal:
-            break
-        ratio = after / rz
-        for i in range(m):
-            for j in range(n):
-                p[i, j] = z[i, j] + ratio * p[i, j]
-                ap[i, j] = r[i, j] + ratio * ap[i, j]
-        rz = after
-        iterations += 1
-    for i in range(m):
-        for j in range(n):
-            put_in[i, j] = g[i, j] * u[i, j] + source[i, j]
-    _terminals(False, r_column, column_near, column_far, v_column, put_in)
-    _potential(False, r_column, column_factors, column_lumps, put_in, w)
-    _ideal(False, r_column, column_near, column_far, v_column, w)
-    return iterations
+def _turn(x: Any, out: Any) -> None:
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            out[j, i] = x[i, j]
 
 
 @inner_kernel
-def _state(law: int, p: Any, q_d: float, y: float, y_max: float, s: float) -> float:
-    """The state of an ideal device whose flux is `y`, by Newton's rule from `s`, kept between the walls."""
-    if y <= 0.0:
-        return 0.0
-    if y >= y_max:
-        return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(INVERSION_ROUNDS):
-        excess = flux(law, s, p) - y
-        if excess > 0.0:
-            high = s
-        else:
-            low = s
-        # d flux/d s = q_d/G.
-        after = s - excess * conductance(law, s, 0.0, p) / q_d
-        if not low < after < high:
-            after = 0.5 * (low + high)
-        if abs(after - s) <= 4e-16:
-            return after
-        s = after
-    return s
-
-
-@inner_kernel
-def _slopes(array: Any, y: Any, v_row: Any, v_column: Any, s: Any, volts: Any, dy: Any, power: Any, work: Any) -> float:
-    """Rates `dy`, device voltages and powers for states `y`; returns the power of all sources [W], NaN on failure."""
-    law, which, parameters, q_d, y_max, carries_flux, bends, present, rows, columns = array
-    m, n = y.shape
-    g, source, u, w = work[10], work[11], work[12], work[13]
-    any_bends = False
-    for i in range(m):
-        for j in range(n):
-            k = which[i, j]
-            held = min(max(y[i, j], 0.0), y_max[k])
-            s[i, j] = _state(law[k], parameters[k], q_d[k], held, y_max[k], s[i, j]) if carries_flux[k] else held
-            g[i, j] = conductance(law[k], s[i, j], 0.0, parameters[k]) if present[i, j] else 0.0
-            source[i, j] = 0.0
-            any_bends = any_bends or (bends[k] and present[i, j])
-    if solve_potentials(g, source, rows, columns, v_row, v_column, u, w, work) < 0:
-        return math.nan
-    settled = not any_bends
-    for _ in range(NEWTON_ROUNDS):
-        if settled:
-            break
-        for i in range(m):
-            for j in range(n):
-                k = which[i, j]
-                if bends[k] and present[i, j]:
-                    v = u[i, j] - w[i, j]
-                    step = 1e-6 * (abs(v) + 1e-3)
-                    current = conductance(law[k], s[i, j], v, parameters[k]) * v
-                    further = conductance(law[k], s[i, j], v + step, parameters[k]) * (v + step)
-                    g[i, j] = (further - current) / step
-                    source[i, j] = current - g[i, j] * v
-                    volts[i, j] = v
-        if solve_potentials(g, source, rows, columns, v_row, v_column, u, w, work) < 0:
-            return math.nan
-        largest, moved = 0.0, 0.0
-        for i in range(m):
-            for j in range(n):
-                if bends[which[i, j]] and present[i, j]:
-                    moved = max(moved, abs(u[i, j] - w[i, j] - volts[i, j]))
-                    largest = max(largest, abs(u[i, j] - w[i, j]))
-        settled = moved <= 1e-11 * largest
-    if not settled:
-        return math.nan
-    total = 0.0
-    for i in range(m):
-        for j in range(n):
-            k = which[i, j]
-            v = u[i, j] - w[i, j]
-            current = g[i, j] * v + source[i, j]
-            volts[i, j] = v
-            power[i, j] = current * v
-            dy[i, j] = v if carries_flux[k] else charge_rate(law[k], s[i, j], v, current, parameters[k]) / q_d[k]
-            # What a row's driver and a column's holder put in: their voltage times the current through the device.
-            total += current * (v_row[i] - v_column[j])
-    return total
-
-
-@inner_kernel
-def _step(array: Any, y: Any, h: float, row0: Any, row1: Any, column0: Any, column1: Any, t0: float, t1: float, s: Any,
-          stage: Any, out: Any, energy: Any, k: Any, power: Any, volts: Any, work: Any) -> float:  # fmt: skip
-    """One Runge-Kutta step over the part [t0, t1] of a segment of h seconds; adds to `energy`, returns the sources'."""
-    m, n = y.shape
-    length = h * (t1 - t0)
-    supplied = 0.0
-    for part in range(4):
-        at = t0 if part == 0 else (t1 if part == 3 else 0.5 * (t0 + t1))
-        reach = 0.0 if part == 0 else (1.0 if part == 3 else 0.5)
-        weight = 1.0 / 6.0 if part in (0, 3) else 1.0 / 3.0
-        for i in range(m):
-            for j in range(n):
-                stage[i, j] = y[i, j] + (reach * length * k[i, j] if part else 0.0)
-                if part == 0:
-                    out[i, j] = y[i, j]
-        given = _slopes(
-            array, stage, row0 + at * (row1 - row0), column0 + at * (column1 - column0), s, volts, k, power, work
-        )
-        if math.isnan(given):
-            return math.nan
-        supplied += weight * length * given
-        for i in range(m):
-            for j in range(n):
-                out[i, j] += weight * length * k[i, j]
-                energy[i, j] += weight * length * power[i, j]
-    for i in range(m):
-        for j in range(n):
-            out[i, j] = min(max(out[i, j], 0.0), array[4][array[1][i, j]])
-    return supplied
+def _turn_product(g: Any, x: Any, out: Any) -> None:
+    """The transpose of the product, element by element."""
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            out[j, i] = g[i, j] * x[i, j]
 
 
 @kernel
-def follow(array: Any, y: Any, s: Any, t: Any, v_row: Any, v_column: Any, tolerance: float, states: Any, currents: Any,
-           energies: Any) -> tuple[int, float, int]:  # fmt: skip
-    """Integrate over all segments of `t`, axes (time,); drives are linear between times.
-
-    Fills states (time, word_line, bit_line), column currents (time, bit_line) and the energy of each device up to each
-    time (time, word_line, bit_line). Returns (0 or the failed segment + 1, energy of the sources, steps).
-    """
-    m, n = y.shape
-    work = np.zeros((14, m, n))
-    stage, whole, half, end, k = (
-        np.empty((m, n)),
-        np.empty((m, n)),
-        np.empty((m, n)),
-        np.empty((m, n)),
-        np.zeros((m, n)),
-    )
-    power, volts, one, two = np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, n))
-    y_max, which = array[4], array[1]
-    supplied, steps = 0.0, 0
-    for segment in range(t.shape[0]):
-        if segment > 0:
-            h = t[segment] - t[segment - 1]
-            row0, row1 = v_row[segment - 1], v_row[segment]
-            column0, column1 = v_column[segment - 1], v_column[segment]
-            at, size, halvings = 0.0, 1.0, 0
-            energies[segment] = energies[segment - 1]
-            while at < 1.0:
-                to = min(at + size, 1.0)
-                middle = 0.5 * (at + to)
-                one[:, :] = 0.0
-                two[:, :] = 0.0
-                _step(array, y, h, row0, row1, column0, column1, at, to, s, stage, whole, one, k, power, volts, work)
-                first = _step(
-                    array, y, h, row0, row1, column0, column1, at, middle, s, stage, half, two, k, power, volts, work
-                )
-                second = _step(
-                    array, half, h, row0, row1, column0, column1, middle, to, s, stage, end, two, k, power, volts, work
-                )
-                error = 0.0
-                for i in range(m):
-                    for j in range(n):
-                        error = max(error, abs(end[i, j] - whole[i, j]) / y_max[which[i, j]])
-                if math.isnan(first + second) or math.isnan(error):
-                    return segment + 1, supplied, steps
-                # The two halves are better than what they differ by, fifteen times.
-                if error > 15.0 * tolerance:
-                    halvings += 1
-                    if halvings > MOST_HALVINGS:
-                        return segment + 1, supplied, steps
-                    size *= max(0.1, min(0.5, 0.9 * (15.0 * tolerance / error) ** 0.2))
-                    continue
-                steps += 1
-                supplied += first + second
-                for i in range(m):
-                    for j in range(n):
-                        y[i, j] = end[i, j]
-                        energies[segment, i, j] += two[i, j]
-                at = to
-                size = min(size * min(4.0, 0.9 * (15.0 * tolerance / max(error, 1e-300)) ** 0.2), 1.0)
-                halvings = 0
-        if math.isnan(_slopes(array, y, v_row[segment], v_column[segment], s, volts, k, power, work)):
-            return segment + 1, supplied, steps
-        for i in range(m):
-            for j in range(n):
-                states[segment, i, j] = s[i, j]
+def solve_potentials(g: Any, source: Any, rows: Any, columns: Any, v_row: Any, v_column: Any, u: Any, w: Any,
+                     work: Any, tolerance: float, is_warm: bool) -> int:  # fmt: skip
+    """Potentials `u` of the rows and `w` of the columns; see the module for shapes and units."""
+    m, n = g.shape
+    # Of the columns, axes (word_line, bit_line); then of the rows, turned.
+    column_factors, put_in, q = work[0], work[1], work[2]
+    row_factors, turned_g = work[3].reshape(n, m), work[4].reshape(n, m)
+    x, r, z = work[5].reshape(n, m), work[6].reshape(n, m), work[7].reshape(n, m)
+    p, ap, other = work[8].reshape(n, m), work[9].reshape(n, m), work[10].reshape(n, m)
+    r_row, row_near, row_far = rows
+    r_column, column_near, column_far = columns
+    _turn(g, turned_g)
+    _factor(turned_g, r_row, row_near, row_far, row_factors)
+    _factor(g, r_column, column_near, column_far, column_factors)
+    # One sweep of the equations, columns then rows, from the guess or from row nodes at zero.
+    for i in range(m):
         for j in range(n):
-            total = 0.0
+            put_in[i, j] = source[i, j] + (g[i, j] * u[i, j] if is_warm else 0.0)
+    _terminals(column_near, column_far, v_column, put_in)
+    _potential(r_column, column_factors, put_in, w)
+    _ideal(column_near, column_far, v_column, w)
+    for i in range(m):
+        for j in range(n):
+            put_in[i, j] = g[i, j] * w[i, j] - source[i, j]
+    _turn(put_in, other)
+    _terminals(row_near, row_far, v_row, other)
+    _potential(r_row, row_factors, other, x)
+    _ideal(row_near, row_far, v_row, x)
+    scale = 0.0
+    for j in range(n):
+        for i in range(m):
+            # Ideal rows put their energy into the columns only.
+            scale += abs(turned_g[j, i] * x[j, i] * x[j, i]) + abs(other[j, i] * x[j, i])
+            # By how much the sweep moved the rows.
+            p[j, i] = x[j, i] - (u[i, j] if is_warm else 0.0)
+            other[j, i] = turned_g[j, i] * p[j, i]
+    _turn(other, put_in)
+    _potential(r_column, column_factors, put_in, q)
+    _turn_product(g, q, r)
+    _potential(r_row, row_factors, r, z)
+    rz = 0.0
+    for j in range(n):
+        for i in range(m):
+            p[j, i], ap[j, i] = z[j, i], r[j, i]
+            rz += r[j, i] * z[j, i]
+    goal, accepted = tolerance * tolerance * scale, ACCEPTED * ACCEPTED * scale
+    iterations = 0
+    # Written so that NaN is not taken for convergence.
+    while not rz <= goal:
+        for j in range(n):
             for i in range(m):
-                total += power[i, j] / volts[i, j] if volts[i, j] != 0.0 else 0.0
-            currents[segment, j] = total
-    return 0, supplied, steps
+                other[j, i] = turned_g[j, i] * p[j, i]
+        _turn(other, put_in)
+        _potential(r_column, column_factors, put_in, q)
+        _turn_product(g, q, other)
+        pq = 0.0
+        for j in range(n):
+            for i in range(m):
+                other[j, i] = ap[j, i] - other[j, i]
+                pq += p[j, i] * other[j, i]
+        if iterations == MOST_ITERATIONS or not pq > 0.0:
+            if rz <= accepted:
+                break
+            return -1
+        step = rz / pq
+        for j in range(n):
+            for i in range(m):
+                x[j, i] += step * p[j, i]
+                r[j, i] -= step * other[j, i]
+        _potential(r_row, row_factors, r, z)
+        after = 0.0
+        for j in range(n):
+            for i in range(m):
+                after += r[j, i] * z[j, i]
+        iterations += 1
+        # Rounding ends the descent.
+        if after >= rz and rz <= accepted:
+            break
+        ratio = after / rz
+        for j in range(n):
+            for i in range(m):
+                p[j, i] = z[j, i] + ratio * p[j, i]
+                ap[j, i] = r[j, i] + ratio * ap[j, i]
+        rz = after
+    for i in range(m):
+        for j in range(n):
+            u[i, j] = x[j, i]
+            put_in[i, j] = g[i, j] * x[j, i] + source[i, j]
+    _terminals(column_near, column_far, v_column, put_in)
+    _potential(r_column, column_factors, put_in, w)
+    _ideal(column_near, column_far, v_column, w)
+    return iterations

@@ -220,7 +220,7 @@ class MemristorCrossbar:
         OperationError
             If a step does not converge; names the time.
         """
-        from ohmloom.circuits._crossbar_kernels import follow
+        from ohmloom.circuits._transient_kernels import follow
 
         times = frozen_array("MemristorCrossbar.simulate: t", t, ("time",))
         if times.size < 2 or not (np.diff(times) > 0.0).all():
