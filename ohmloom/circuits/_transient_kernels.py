@@ -1,8 +1,9 @@
-"""Devices of a crossbar followed through time, by the pair of Dormand and Prince of orders 5 and 4.
+"""Devices of a crossbar followed through time, by embedded Runge-Kutta pairs of orders 3(2) and 5(4).
 
 Each segment of the drive is first tried in one step; a step whose two orders disagree by more than the tolerance is
 shortened. The last slopes of a step are the first of the next, across segments too, as drives are continuous: six
-solves a step. Source: J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19, table 2.
+solves a step, or three where the devices hardly move. Source: J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6
+(1980) 19, table 2.
 
 A device of an ideal law carries its flux, which barely bends within a pulse; any other its state. Both are held within
 their walls: a wall within a step is exact for its own device, and the step's length for all others.
@@ -33,6 +34,12 @@ WEIGHTS = np.array([
     [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0],
     [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
 ])  # fmt: skip
+# The pair of Bogacki and Shampine of orders 3 and 2, half the work, where a segment hardly moves the devices.
+# Source: P. Bogacki, L. F. Shampine, Appl. Math. Lett. 2 (1989) 321.
+QUICK_NODES = np.array([0.0, 1 / 2, 3 / 4, 1.0])
+QUICK_WEIGHTS = np.array([[0.0, 0.0, 0.0], [1 / 2, 0.0, 0.0], [0.0, 3 / 4, 0.0], [2 / 9, 1 / 3, 4 / 9]])
+QUICK_LOWER_ORDER = np.array([7 / 24, 1 / 4, 1 / 3, 1 / 8])
+QUICK_CHANGE = 5e-3  # of the range; beyond it the quick pair is seldom accepted
 LOWER_ORDER = np.array([5179 / 57600, 0.0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100, 1 / 40])
 # Errors of one sign add up from step to step.
 SAFETY = 0.1
@@ -117,9 +124,13 @@ def _slopes(array: Any, y: Any, v_row: Any, v_column: Any, s: Any, volts: Any, d
             g[i, j] = conductance(law[k], s[i, j], 0.0, parameters[k]) if present[i, j] else 0.0
             source[i, j] = 0.0
             any_bends = any_bends or (bends[k] and present[i, j])
-    if solve_potentials(g, source, rows, columns, v_row, v_column, u, w, scratch, TOLERANCE, is_driven) < 0:
+    if not is_driven:
+        # Lines at rest: no device sees a voltage, whatever its law.
+        u[:, :] = 0.0
+        w[:, :] = 0.0
+    elif solve_potentials(g, source, rows, columns, v_row, v_column, u, w, scratch, TOLERANCE, True) < 0:
         return math.nan
-    settled = not any_bends
+    settled = not any_bends or not is_driven
     for _ in range(NEWTON_ROUNDS):
         if settled:
             break
@@ -161,18 +172,21 @@ def _slopes(array: Any, y: Any, v_row: Any, v_column: Any, s: Any, volts: Any, d
 
 @inner_kernel
 def _attempt(array: Any, y: Any, h: float, drives: Any, t0: float, t1: float, s: Any, k: Any, power: Any, given: Any,
-             volts: Any, end: Any, now: Any, work: Any) -> float:  # fmt: skip
+             volts: Any, end: Any, now: Any, work: Any, nodes: Any, weights: Any,
+             lower_order: Any) -> float:  # fmt: skip
     """One step over the part [t0, t1] of a segment of h seconds, to `end`; returns its error, NaN on failure.
 
-    `k`, `power` and `given` hold slopes, powers of devices and of sources at each stage; the first is known.
+    `k`, `power` and `given` hold slopes, powers of devices and of sources at each stage; the first is known. `nodes`,
+    `weights` and `lower_order` are the pair's.
     """
     m, n = y.shape
     y_max, which = array[4], array[1]
     row0, row1, column0, column1 = drives
     row, column = now
     length = h * (t1 - t0)
-    for part in range(1, STAGES):
-        at = t0 + NODES[part] * (t1 - t0)
+    stages = nodes.shape[0]
+    for part in range(1, stages):
+        at = t0 + nodes[part] * (t1 - t0)
         for i in range(m):
             row[i] = row0[i] + at * (row1[i] - row0[i])
         for j in range(n):
@@ -181,7 +195,7 @@ def _attempt(array: Any, y: Any, h: float, drives: Any, t0: float, t1: float, s:
             for j in range(n):
                 moved = 0.0
                 for before in range(part):
-                    moved += WEIGHTS[part, before] * k[before, i, j]
+                    moved += weights[part, before] * k[before, i, j]
                 end[i, j] = min(max(y[i, j] + length * moved, 0.0), y_max[which[i, j]])
         given[part] = _slopes(array, end, row, column, s, volts, k[part], power[part], work)
         if math.isnan(given[part]):
@@ -190,8 +204,8 @@ def _attempt(array: Any, y: Any, h: float, drives: Any, t0: float, t1: float, s:
     for i in range(m):
         for j in range(n):
             moved, top = 0.0, y_max[which[i, j]]
-            for part in range(STAGES):
-                moved += LOWER_ORDER[part] * k[part, i, j]
+            for part in range(stages):
+                moved += lower_order[part] * k[part, i, j]
             other = min(max(y[i, j] + length * moved, 0.0), top)
             # Of the state: ds = G/q_d d flux for an ideal law, whose G is that at the end now.
             per_state = work[SCRATCH, i, j] / array[3][which[i, j]] if array[5][which[i, j]] else 1.0
@@ -226,10 +240,20 @@ def follow(array: Any, y: Any, s: Any, t: Any, v_row: Any, v_column: Any, tolera
             for i in range(m):
                 for j in range(n):
                     energies[segment, i, j] = energies[segment - 1, i, j]
-            at, size, shortenings, first = 0.0, 1.0, 0, steps
+            at, size, shortenings, first, largest = 0.0, 1.0, 0, steps, 0.0
+            for i in range(m):
+                for j in range(n):
+                    largest = max(largest, abs(k[0, i, j]) / array[4][array[1][i, j]])
             while at < 1.0:
                 to = min(at + size, 1.0)
-                error = _attempt(array, y, h, drives, at, to, s, k, power, given, volts, end, now, work)
+                is_quick = at == 0.0 and shortenings == 0 and largest * h <= QUICK_CHANGE
+                if is_quick:
+                    error = _attempt(array, y, h, drives, at, to, s, k, power, given, volts, end, now, work,
+                                     QUICK_NODES, QUICK_WEIGHTS, QUICK_LOWER_ORDER)  # fmt: skip
+                    is_quick = error <= SAFETY * tolerance
+                if not is_quick:
+                    error = _attempt(array, y, h, drives, at, to, s, k, power, given, volts, end, now, work,
+                                     NODES, WEIGHTS, LOWER_ORDER)  # fmt: skip
                 error /= SAFETY
                 if not error <= tolerance:
                     shortenings += 1
@@ -238,8 +262,9 @@ def follow(array: Any, y: Any, s: Any, t: Any, v_row: Any, v_column: Any, tolera
                     size = (to - at) * max(0.1, 0.9 * (tolerance / error) ** 0.2)
                     continue
                 length = h * (to - at)
-                for part in range(STAGES - 1):
-                    weight = length * WEIGHTS[STAGES - 1, part]
+                last = 3 if is_quick else STAGES - 1
+                for part in range(last):
+                    weight = length * (QUICK_WEIGHTS[last, part] if is_quick else WEIGHTS[last, part])
                     supplied += weight * given[part]
                     for i in range(m):
                         for j in range(n):
@@ -247,8 +272,8 @@ def follow(array: Any, y: Any, s: Any, t: Any, v_row: Any, v_column: Any, tolera
                 for i in range(m):
                     for j in range(n):
                         y[i, j] = end[i, j]
-                        k[0, i, j], power[0, i, j] = k[STAGES - 1, i, j], power[STAGES - 1, i, j]
-                given[0] = given[STAGES - 1]
+                        k[0, i, j], power[0, i, j] = k[last, i, j], power[last, i, j]
+                given[0] = given[last]
                 steps += 1
                 if steps - first > MOST_STEPS:
                     return segment + 1, supplied, steps
