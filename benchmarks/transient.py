@@ -78,11 +78,9 @@ def trial() -> None:
     width = DEVICE.flux(1.0) / 1000.0
     train = PulseTrain.rectangular(rows, columns=n, column_levels=columns, width=width, edge=0.01 * width,
                                    period=2.0 * width)  # fmt: skip
-    start = time.process_time()
-    trace = array.simulate(train.t, train.v_row, train.v_column)
-    spent = time.process_time() - start
+    spent, _ = own_time(array, train)
     print(f"\n15 x 11 at 1 ohm, {TIMESTEPS} timesteps of {STEPS} steps, a pulse each: {spent:.2f} s "
-          f"({trace.steps} integration steps, {1e6 * spent / pulses:.0f} us per pulse)")  # fmt: skip
+          f"({1e6 * spent / pulses:.0f} us per pulse)")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -220,7 +220,7 @@ class Crossbar:
         v
             Of the row drivers [V], axes (..., word_line); leading axes broadcast against those of the conductances.
         guess
-            A read of a similar crossbar with the same shapes to start from.
+            A read of a similar ohmic crossbar with the same shapes to start from.
 
         Raises
         ------
@@ -315,6 +315,9 @@ class Crossbar:
             volts = np.broadcast_to(v, (*batch, m)).reshape(1, -1, m)
         sides = self._sides(volts)
         if self.conduction is not None:
+            if guess is not None:
+                raise ParameterError("Crossbar.read: guess: expected none for devices that are not ohmic, got a read. "
+                                     "Leave it out.")  # fmt: skip
             held = [(side.segment, side.ends, side.held) for side in sides]
             u, w, device, iterations = solve_nonlinear(g, held[0], held[1], self.conduction)
             return self._as_read(v, batch, u, w, device, iterations)

@@ -8,6 +8,7 @@ from ohmloom.circuits import Crossbar, SelectorConduction, SinhConduction
 from ohmloom.errors import OhmloomError, OperationError
 
 CONDUCTIONS = [SinhConduction(scale=0.25), SelectorConduction(threshold=0.4, width=0.03, leak=1e-3)]
+SINH = Crossbar(conductance=[[1e-3]], conduction=CONDUCTIONS[0])
 
 
 def residual(x, array, v):
@@ -94,6 +95,10 @@ def test_reversed_voltages_reverse_all_currents_and_transposed_reads_are_reads_o
         (lambda: SelectorConduction(threshold=0.5, width=0.1, leak=0.0), r"SelectorConduction.leak: expected a share"),
         (lambda: Crossbar(conductance=[[1.0]], conduction="sinh"), "Crossbar.conduction: expected a SinhConduction"),
         (lambda: Crossbar(conductance=[[1.0]], conduction=CONDUCTIONS[0]).operator(), "expected ohmic devices"),
+        (
+            lambda: SINH.read([1.0], guess=SINH.read([1.0])),
+            "guess: expected none for devices that are not ohmic",
+        ),
     ],
 )
 def test_bad_conductions_are_refused(make, words):

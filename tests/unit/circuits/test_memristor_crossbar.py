@@ -158,3 +158,26 @@ def test_what_it_refuses_is_told_field_rule_and_value(make, message):
     with pytest.raises(ParameterError) as caught:
         make()
     assert str(caught.value) == message
+
+
+# Volts at which each law moves within T, or relaxes there, without being too stiff for explicit steps.
+DRIVEN = {"pickett": 0.3, "vteam": 0.5, "yakopcic": 0.8}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_follows_its_single_device_where_wires_do_not_resist(law):
+    values = tuple(CardValue(value=parameter.default, source="default") for parameter in LAWS[law].parameters)
+    device = Device(name=law, law=law, source="defaults", values=values)
+    t = np.array([0.0, 0.05, 0.5, 0.55, 0.6, 1.0, 1.05]) * 1e-3
+    v = np.array([0.0, 1.0, 1.0, 0.0, -0.5, -0.5, 0.0]) * DRIVEN.get(law, 1.0)
+    trace = MemristorCrossbar(devices=device, s=[[0.3, 0.6]]).simulate(t, v[:, None])
+    for k, s0 in enumerate((0.3, 0.6)):
+        alone = device.simulate(lambda x: np.interp(x, t, v), t, s0=s0)
+        # Device.simulate's own error is 1e-9 of the range.
+        assert np.abs(trace.s[:, 0, k] - alone.s).max() <= 1e-8
+
+
+def test_a_law_that_is_too_stiff_is_an_error_that_names_the_time():
+    array = MemristorCrossbar(devices=Device.load("pickett"), s=[[0.3]])
+    with pytest.raises(OperationError, match="expected every step to converge, got none after t = "):
+        array.simulate([0.0, 5e-5, 5e-4], [[0.0], [1.0], [1.0]])
