@@ -32,6 +32,38 @@ def test_one_device_without_wires_is_the_device_alone(device):
     assert np.ptp(alone.s) > 0.01
 
 
+@pytest.mark.parametrize("duration", [1e-3, 1.0, 100.0])
+@pytest.mark.parametrize("name", LAWS)
+def test_every_law_moves_in_an_array_as_alone(name, duration):
+    values = tuple(CardValue(value=parameter.default, source="made up") for parameter in LAWS[name].parameters)
+    device = Device(name="defaults", law=name, source="made up", values=values)
+    t, v = duration * T, 0.8 * np.sin(2 * np.pi * T)
+    array = MemristorCrossbar(devices=device, s=[[0.3]])
+    if (name, duration) == ("pickett", 100.0):
+        # At 0.77 V its rate passes 1e20/s: from wall to wall in less than the times of a double resolve.
+        with pytest.raises(OperationError, match=r"^MemristorCrossbar\.simulate: expected every step to converge, got "
+                                                 r"none after t = 20 s\. Give t finer steps"):  # fmt: skip
+            array.simulate(t, v[:, None])
+        return
+    alone, trace = device.simulate(v, t, s0=0.3), array.simulate(t, v[:, None])
+    # Steps of 1e-10 add up over hundreds of steps; a wall that is taken for reached is an error of 1e-5 to 1.
+    assert trace.s[:, 0, 0] == pytest.approx(alone.s, abs=5e-9)
+    assert trace.current[:, 0] == pytest.approx(alone.i, abs=1e-8 * np.abs(alone.i).max())
+
+
+def test_laws_of_all_sorts_in_one_array_with_wires_do_not_depend_on_segments_or_tolerance():
+    devices = tuple(Device.load(name) for name in ("hp_tio2_10k", "peo_pani_redox", "yakopcic_miao"))
+    t, v = np.linspace(0.0, 10.0, 201), np.sin(np.linspace(0.0, 2 * np.pi, 201))[:, None] * [0.8, 0.5]
+    array = MemristorCrossbar(devices=devices, s=[[0.4, 0.6, 0.3], [0.5, 0.2, 0.5]], kind=[[0, 1, 2], [2, 0, 1]],
+                              r_row=50.0, r_column=50.0)  # fmt: skip
+    trace = array.simulate(t, v)
+    finer = np.linspace(0.0, 10.0, 801)
+    again = array.simulate(finer, np.stack([np.interp(finer, t, x) for x in v.T], axis=1), tolerance=1e-12)
+    # The same drive, other segments.
+    assert trace.s == pytest.approx(again.s[::4], abs=5e-9)
+    assert (np.ptp(trace.s, axis=0) > 1e-3).all()
+
+
 def mixed_array(r=5.0):
     rng = np.random.default_rng(4)
     kind = rng.integers(-1, 3, (5, 4))
