@@ -83,6 +83,14 @@ def test_small_array_is_close_to_the_best_of_all_orders():
     assert best * (1.0 - 1e-9) <= found.refined <= 1.02 * best
 
 
+def test_where_sorting_loses_the_order_as_given_stays():
+    g = devices((4, 4), seed=4)
+    best = order_lines(g, WIRES)
+    found = order_lines(g[np.ix_(best.rows, best.columns)], WIRES, sweeps=0)
+    assert found.sorted_ > found.identity == found.refined == best.refined
+    assert (found.rows.tolist(), found.columns.tolist()) == ([0, 1, 2, 3], [0, 1, 2, 3])
+
+
 def test_fixed_columns_stay_last():
     g = devices((6, 5))
     g[:, -1] = 1e-3  # the heaviest would otherwise go first

@@ -72,6 +72,14 @@ def test_reference_column_takes_a_line_of_every_tile_and_loads_its_rows():
     assert loaded.worst > alone.worst
 
 
+def test_read_error_of_a_tile_is_that_of_the_array_with_its_reference():
+    g = devices(g_on=1e-3)
+    (block,) = split_demand(g, **SIZE, wires=WIRES, reference=1e-3).blocks
+    array = np.column_stack([g[np.ix_(block.rows, block.columns)], np.full(len(block.rows), 1e-3)])
+    assert block.order.refined == worst_read_error(array, WIRES)
+    assert len(block.columns) == g.shape[1]
+
+
 def test_where_no_size_helps_the_tile_stays_whole_and_says_so():
     g = devices(g_on=1e-2)  # 100 ohm: two segments alone take 2 %
     tiling = split_demand(g, **SIZE, limit=0.01, wires=WIRES)
