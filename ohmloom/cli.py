@@ -18,6 +18,7 @@ import typer
 from ohmloom import __version__
 from ohmloom._cli_circuit import app as circuit_app
 from ohmloom._cli_device import app as device_app
+from ohmloom._cli_fmu import app as fmu_app
 from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
 
@@ -30,6 +31,7 @@ app = typer.Typer(
 )  # fmt: skip
 app.add_typer(device_app, name="device")
 app.add_typer(circuit_app, name="circuit")
+app.add_typer(fmu_app, name="fmu")
 
 INTERRUPTED = 130
 System = Literal["HP", "PEO", "LIN", "GA", "HET"]

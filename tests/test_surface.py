@@ -20,6 +20,7 @@ SURFACE = {
         "LAWS", "CardValue", "Comparison", "DataFile", "Device", "Fit", "Law", "Measurement", "Parameter", "Revisit",
         "Trace", "charge_revisit", "compare", "fit",
     ],
+    "ohmloom.fmu": ["Check", "CheckRow", "Export", "FmuTrace", "check", "export_device", "run"],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",
         "SpikingController", "Synapse", "champion", "mutate",

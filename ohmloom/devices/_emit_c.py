@@ -29,7 +29,7 @@ def emit_c(name: str, header: list[str], law: Law, values: tuple[float, ...]) ->
         "};",
         "",
         "/* G(s, v) in S. */",
-        *_function(law, f"{name}_conductance", "conductance", ("s", "v")),
+        *emit_function(law, f"double {name}_conductance", "conductance", ("s", "v")),
         "",
         "/* i in A, positive into the first terminal. */",
         f"double {name}_current({states}, const double *p)",
@@ -38,10 +38,10 @@ def emit_c(name: str, header: list[str], law: Law, values: tuple[float, ...]) ->
         "}",
         "",
         "/* dq/dt in A, before walls. */",
-        *_function(law, f"{name}_charge_rate", "charge_rate", ("s", "v", "i")),
+        *emit_function(law, f"double {name}_charge_rate", "charge_rate", ("s", "v", "i")),
         "",
         "/* q_d in C: the state charge between the walls. */",
-        *_function(law, f"{name}_charge_scale", "charge_scale", ()),
+        *emit_function(law, f"double {name}_charge_scale", "charge_scale", ()),
         "",
         "/* ds/dt in 1/s; 0 where it points outward at a wall. */",
         f"double {name}_state_rate({states}, const double *p)",
@@ -53,7 +53,8 @@ def emit_c(name: str, header: list[str], law: Law, values: tuple[float, ...]) ->
     return "\n".join(lines) + "\n"
 
 
-def _function(law: Law, name: str, wanted: str, arguments: tuple[str, ...]) -> list[str]:
+def emit_function(law: Law, head: str, wanted: str, arguments: tuple[str, ...]) -> list[str]:
+    """Lines of the C function that begins with `head` and gives what `trace` calls `wanted`."""
     program = trace(law, wanted)
     used = program.symbols
     read = [
@@ -64,7 +65,7 @@ def _function(law: Law, name: str, wanted: str, arguments: tuple[str, ...]) -> l
     unused = [argument for argument in arguments if argument not in used] + ([] if read else ["p"])
     *steps, result = write(program, C)
     return [
-        f"double {name}({', '.join([*(f'double {argument}' for argument in arguments), 'const double *p'])})",
+        f"{head}({', '.join([*(f'double {argument}' for argument in arguments), 'const double *p'])})",
         "{",
         *(f"    (void){argument};" for argument in unused),
         *read,

@@ -87,7 +87,8 @@ def trace(law: Law, *wanted: str) -> Program:
     """The operations behind `wanted`, out of these:
 
     ``conductance`` and ``charge_rate`` as the law has them, the latter in the symbols s, v and i; ``charge_scale``;
-    ``i`` = conductance v; ``rate`` = charge_rate/charge_scale with that i, before walls.
+    ``i`` = conductance v; ``rate`` = charge_rate/charge_scale with that i, before walls; and ``conductance_by_s``,
+    ``charge_rate_by_i`` and so on, the partial derivatives of the first two.
 
     Raises
     ------
@@ -108,6 +109,10 @@ def trace(law: Law, *wanted: str) -> Program:
         "i": current,
         "rate": law.charge_rate(s, v, current, p) / charge_scale,
     }
+    for name in wanted:
+        differentiated, by, symbol = name.rpartition("_by_")
+        if by:
+            made[name] = casadi.jacobian(casadi.SX(made[differentiated]), symbols[names.index(symbol)])
     function = casadi.Function("law", symbols, [casadi.SX(made[name]) for name in wanted])
     return _read_off(law.name, function, names, wanted)
 

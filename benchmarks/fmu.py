@@ -1,0 +1,122 @@
+"""Device FMUs: size, time of export, error against the closed form, steps per second in a C loop and through FMPy.
+
+The model is the paper's HP device, normalised, at 0.8 V from q = 0: (1 - q)^2 = 1 - 1.6 t until q = 0.99.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+from fmpy.simulation import instantiate_fmu
+
+from ohmloom.devices import Device
+from ohmloom.fmu import export_device
+from ohmloom.fmu.build import HEADERS
+
+STEPS = 200_000  # through FMPy; 20 times as many in C
+LOOP = """#include <stdio.h>
+#include <time.h>
+#include "fmu.c"
+int main(void)
+{
+    const unsigned int v = FIRST_U, i = FIRST_Y;
+    const clock_t begin = clock();
+    double out = 0.0;
+    int k;
+    Instance *m = create(calloc(1, sizeof *m), "loop", MODEL_TOKEN, 1, 0);
+    m->s.phase = INITIALIZING;
+    leave_initialization(m);
+    for (k = 0; k < @steps@; k++) {
+        const double x = k % 200 < 100 ? 0.3 : -0.3;
+        if (set_values(m, &v, 1, &x) || step(m, 1e-4 * k, 1e-4) || get_values(m, &i, 1, &out))
+            return 1;
+    }
+    destroy(m);
+    printf("%.17g\\n", @steps@ / ((double)(clock() - begin) / CLOCKS_PER_SEC));
+    return 0;
+}
+"""
+
+
+def main() -> None:
+    """Print the table."""
+    device = Device.load("hp_tio2_paper")
+    print(f"FMPy {fmpy.__version__}; set, step and get in each step")
+    print("FMI   size   export  error, free  error, at the wall  arrival, ME    C loop     FMPy")
+    with tempfile.TemporaryDirectory() as folder:
+        for fmi in (2, 3):
+            file = Path(folder) / f"hp{fmi}.fmu"
+            begin = time.perf_counter()
+            size = export_device(device, file, fmi=fmi, q0=0.0).size
+            export = time.perf_counter() - begin
+            free, wall = errors(file)
+            c, python = in_c(file, fmi, Path(folder) / f"c{fmi}"), through_fmpy(file)
+            print(f"{fmi}.0 {size / 1000:5.1f}kB {export:6.2f}s {free:12.1e} {wall:18.1e} {arrival(file):12.7f}s "
+                  f"{c / 1e6:6.2f}M/s {python / 1e3:6.0f}k/s")  # fmt: skip
+    print(f"exact arrival {(1 - 0.01**2) / 1.6:.7f}s")
+
+
+def errors(file: Path) -> tuple[float, float]:
+    """Largest error of the charge in co-simulation with 10 ms steps, before t = 0.5 s and in all."""
+    run = simulated(file, fmi_type="CoSimulation", output_interval=0.01)
+    error = np.abs(run["q"] - np.minimum(1 - np.sqrt(np.maximum(1 - 1.6 * run["time"], 0.0)), 0.99))
+    return float(error[run["time"] <= 0.5].max()), float(error.max())
+
+
+def arrival(file: Path) -> float:
+    """When the charge comes to rest in model exchange."""
+    run = simulated(file, fmi_type="ModelExchange", output=["q", "der(q)"])
+    return float(run["time"][run["der(q)"] == 0.0][0])
+
+
+def simulated(file: Path, **options: Any) -> Any:
+    """Run it by FMPy for 1 s at the tolerance 1e-8."""
+    return fmpy.simulate_fmu(str(file), start_values={"v": 0.8}, stop_time=1.0, relative_tolerance=1e-8, **options)
+
+
+def in_c(file: Path, fmi: int, folder: Path) -> float:
+    """Steps per second of CPU time of a loop in C."""
+    with zipfile.ZipFile(file) as archive:
+        archive.extractall(folder)
+    for name in HEADERS[fmi]:
+        (folder / "sources" / name).write_bytes((Path(fmpy.__file__).with_name("c-code") / name).read_bytes())
+    (folder / "sources" / "loop.c").write_text(LOOP.replace("@steps@", str(20 * STEPS)))
+    words = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "loop.c", "-o", "loop", "-lm"]
+    subprocess.run(words, cwd=folder / "sources", check=True)
+    return float(subprocess.run(["./loop"], cwd=folder / "sources", check=True, capture_output=True, text=True).stdout)
+
+
+def through_fmpy(file: Path) -> float:
+    """Steps per second of CPU time of a loop in Python, arrays and references prepared."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmpy.extract(str(file), folder)
+        description = fmpy.read_model_description(folder)
+        fmu = instantiate_fmu(folder, description, "CoSimulation")
+        references = {v.name: v.valueReference for v in description.modelVariables}
+        v, i = [references["v"]], [references["i"]]
+        is_two = description.fmiVersion == "2.0"
+        if is_two:
+            fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+        fmu.exitInitializationMode()
+        put, get = (fmu.setReal, fmu.getReal) if is_two else (fmu.setFloat64, fmu.getFloat64)
+        begin = time.process_time()
+        for k in range(STEPS):
+            put(v, [0.3 if k % 200 < 100 else -0.3])
+            fmu.doStep(currentCommunicationPoint=1e-4 * k, communicationStepSize=1e-4)
+            get(i)
+        spent = time.process_time() - begin
+        fmu.terminate()
+        fmu.freeInstance()
+    return STEPS / spent
+
+
+if __name__ == "__main__":
+    main()

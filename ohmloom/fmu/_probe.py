@@ -1,0 +1,255 @@
+"""What runs beside an FMU's native code, in a process that may die; `_process.run_probe` starts it.
+
+It imports nothing of ohmloom, so that a process starts at once.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+Question = dict[str, Any]
+Answer = dict[str, Any]
+SHORT = 20  # steps of a short simulation
+
+
+def main() -> None:
+    """Answer the question in the file that the first argument names."""
+    question = json.loads(Path(sys.argv[1]).read_text())
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (question["memory"], question["memory"]))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    except ImportError:  # not on Windows
+        pass
+    logged: list[str] = []
+    try:
+        answer = PROBES[question["what"]](question, logged)
+    except MemoryError:
+        answer = {"problem": f"more memory wanted than {question['memory'] // 10**6} MB"}
+    except Exception as error:  # noqa: BLE001 - clients raise bare exceptions; each is the answer
+        text = str(error) or type(error).__name__
+        answer = {
+            "problem": " ".join(f"{text}{': ' if logged else ''}{'; '.join(logged[-3:])}".split()).rstrip(".")[:500]
+        }
+    Path(question["answer"]).write_text(json.dumps(answer))
+
+
+def _description(question: Question) -> Any:
+    import fmpy
+
+    return fmpy.read_model_description(question["folder"], validate=False)
+
+
+def _logger(logged: list[str]) -> Callable[..., None]:
+    """A log callback of FMPy's for either version; status and message stand at the same places from the end."""
+
+    def log(*arguments: Any) -> None:
+        *_, status, _, message = arguments
+        if status > 1 and message:
+            logged.append(message.decode(errors="replace"))
+
+    return log
+
+
+def validate(question: Question, logged: list[str]) -> Answer:
+    """FMPy's problems with the description."""
+    from fmpy.validation import validate_fmu
+
+    return {"problems": validate_fmu(question["file"])}
+
+
+def describe(question: Question, logged: list[str]) -> Answer:
+    """What `run` and `check` need of the description."""
+    d = _description(question)
+    experiment = d.defaultExperiment
+    return {
+        "variables": [
+            {key: getattr(v, key) for key in ("name", "causality", "initial", "min", "max", "type")}
+            for v in d.modelVariables
+        ],
+        "step_size": float(experiment.stepSize) if experiment and experiment.stepSize else None,
+        "stop_time": float(experiment.stopTime) if experiment and experiment.stopTime else None,
+        "has_state": bool(
+            d.coSimulation and d.coSimulation.canGetAndSetFMUstate and d.coSimulation.canSerializeFMUstate
+        ),
+    }
+
+
+def symbols(question: Question, logged: list[str]) -> Answer:
+    """Load the library, and look for the functions in `names`."""
+    import ctypes
+
+    library = ctypes.CDLL(question["library"])
+    return {"missing": [name for name in question["names"] if not hasattr(library, name)]}
+
+
+def simulate(question: Question, logged: list[str]) -> Answer:
+    """Run it by FMPy; all columns as lists."""
+    import fmpy
+    import numpy as np
+
+    given, signals = question.get("inputs"), None
+    if given:
+        signals = np.array(list(zip(*given.values(), strict=True)), dtype=[(name, float) for name in given])
+    names = ("stop_time", "step_size", "output_interval", "start_values")
+    result = fmpy.simulate_fmu(
+        question["folder"], validate=False, fmi_type=question["interface"], input=signals,
+        relative_tolerance=question.get("tolerance"), output=question.get("outputs"), logger=_logger(logged),
+        **{name: question.get(name) for name in names},
+    )  # fmt: skip
+    return {"values": {name: result[name].tolist() for name in result.dtype.names}}
+
+
+def state(question: Question, logged: list[str]) -> Answer:
+    """Save in the middle, go on; restore in a second instance, go on: the same bits."""
+    description = _description(question)
+    outputs = [v for v in description.modelVariables if v.causality == "output" and v.type in ("Real", "Float64")]
+    references, h = [v.valueReference for v in outputs], question["step_size"]
+    first, second = (_prepared(question, description, logged) for _ in range(2))
+    is_two = description.fmiVersion.startswith("2")
+
+    def go_on(fmu: Any, begin: int) -> list[float]:
+        for k in range(begin, begin + SHORT):
+            fmu.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
+        return list(fmu.getReal(references) if is_two else fmu.getFloat64(references))
+
+    go_on(first, 0)
+    if is_two:
+        saved = first.getFMUstate()
+        data = first.serializeFMUstate(saved)
+        first.freeFMUstate(saved)
+    else:
+        saved = first.getFMUState()
+        data = first.serializeFMUState(saved)
+        first.freeFMUState(saved)
+    wanted = go_on(first, SHORT)
+    if is_two:
+        restored = second.deSerializeFMUstate(data)
+        second.setFMUstate(restored)
+        second.freeFMUstate(restored)
+    else:
+        restored = second.deserializeFMUState(data)
+        second.setFMUState(restored)
+        second.freeFMUState(restored)
+    got = go_on(second, SHORT)
+    for fmu in (first, second):
+        fmu.terminate()
+        fmu.freeInstance()
+    # As bits: a NaN equals itself, and a signed zero not the other.
+    is_equal = [x.hex() for x in wanted] == [x.hex() for x in got]
+    return {"is_equal": is_equal, "bytes": len(data)}
+
+
+def _prepared(question: Question, description: Any, logged: list[str]) -> Any:
+    """A co-simulation instance of FMPy's, initialized with the start values."""
+    import fmpy
+    from fmpy.simulation import apply_start_values
+
+    fmu = fmpy.simulation.instantiate_fmu(question["folder"], description, "CoSimulation", logger=_logger(logged))
+    if description.fmiVersion.startswith("2"):
+        fmu.setupExperiment(startTime=0.0)
+        apply_start_values(fmu, description, dict(question["start_values"]))
+        fmu.enterInitializationMode()
+    else:
+        apply_start_values(fmu, description, dict(question["start_values"]))
+        fmu.enterInitializationMode(startTime=0.0)
+    fmu.exitInitializationMode()
+    return fmu
+
+
+def _chosen(question: Question, description: Any) -> tuple[list[Any], list[tuple[int, float]]]:
+    """The float outputs, and (reference, value) of the start values."""
+    by_name = {v.name: v for v in description.modelVariables}
+    outputs = [v for v in description.modelVariables if v.causality == "output" and v.type in ("Real", "Float64")]
+    given = [(by_name[name].valueReference, float(value)) for name, value in question["start_values"].items()]
+    return outputs, given
+
+
+def fmuloader(question: Question, logged: list[str]) -> Answer:
+    """The values of the outputs after the same steps in fmuloader."""
+    description = _description(question)
+    outputs, given = _chosen(question, description)
+    references, identifier = [v.valueReference for v in outputs], description.coSimulation.modelIdentifier
+    if description.fmiVersion.startswith("2"):
+        from fmuloader.fmi2 import Fmi2Slave, Fmi2Type
+
+        slave = Fmi2Slave(question["folder"], model_identifier=identifier)
+        slave.instantiate("probe", Fmi2Type.CO_SIMULATION, guid=description.guid)
+        slave.setup_experiment(start_time=0.0)
+        put, get = slave.set_real, slave.get_real
+    else:
+        from fmuloader.fmi3 import Fmi3Slave
+
+        slave = Fmi3Slave(question["folder"], model_identifier=identifier)
+        slave.instantiate_co_simulation("probe", instantiation_token=description.guid)
+        put, get = slave.set_float64, slave.get_float64
+    for reference, value in given:
+        put([reference], [value])
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    for k in range(SHORT):
+        slave.do_step(k * question["step_size"], question["step_size"])
+    values = get(references)
+    slave.terminate()
+    slave.free_instance()
+    return {"values": {v.name: value for v, value in zip(outputs, values, strict=True)}}
+
+
+def libcosimpy(question: Question, logged: list[str]) -> Answer:
+    """The values of the outputs after the same steps in libcosim."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    outputs, given = _chosen(question, _description(question))
+    execution = CosimExecution.from_step_size(round(question["step_size"] * 1e9))  # ns
+    slave = execution.add_local_slave(CosimLocalSlave(question["file"], "probe"))
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    for reference, value in given:
+        execution.real_initial_value(slave, reference, value)
+    if not execution.step(SHORT):
+        raise RuntimeError("libcosim could not take a step")
+    values = observer.last_real_values(slave, [v.valueReference for v in outputs])
+    return {"values": {v.name: value for v, value in zip(outputs, values, strict=True)}}
+
+
+def pathsim(question: Question, logged: list[str]) -> Answer:
+    """The values of the outputs at the same time in PathSim, by model exchange."""
+    from pathsim import Connection, Simulation
+    from pathsim.blocks import Constant
+    from pathsim.solvers import RKDP54
+    from pathsim_fmi import ModelExchangeFMU
+
+    # PathSim's inputs are wires; one that ends nowhere is 0, whatever the FMU's start value.
+    description, given = _description(question), question["start_values"]
+    block = ModelExchangeFMU(question["file"], start_values=dict(given), tolerance=1e-10)
+    inputs = [v for v in description.modelVariables if v.causality == "input"]
+    held = [Constant(float(given.get(v.name, v.start))) for v in inputs]
+    wires = [Connection(source, block[k]) for k, source in enumerate(held)]
+    simulation = Simulation([block, *held], wires, dt=question["step_size"], log=False, Solver=RKDP54,
+                            tolerance_lte_rel=1e-10, tolerance_lte_abs=1e-12)  # fmt: skip
+    simulation.run(SHORT * question["step_size"])
+    outputs, _ = _chosen(question, description)
+    values = block.outputs.to_array().tolist()
+    return {"values": {v.name: value for v, value in zip(outputs, values, strict=True)}}
+
+
+PROBES: dict[str, Callable[[Question, list[str]], Answer]] = {
+    "description": describe,
+    "validation": validate,
+    "symbols": symbols,
+    "simulation": simulate,
+    "state round trip": state,
+    "fmuloader": fmuloader,
+    "libcosimpy": libcosimpy,
+    "pathsim": pathsim,
+}
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""An FMU's archive: description, sources, libraries, documentation; the same model always gives the same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import zipfile
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import get_args
+
+from ohmloom._files import write_atomic
+from ohmloom.errors import OperationError, ParameterError, UnknownNameError, expect_type, shown
+from ohmloom.fmu._compile import FLAGS, TARGETS, Platforms, compile_library, host
+from ohmloom.fmu.description import Description, FmiVersion, build_description, index_page
+
+logger = logging.getLogger(__name__)
+
+HEADERS = {
+    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+}
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a zip file knows
+LICENCE = """The model and its C sources (fmu.c, model.c, law.c, runtime.c): Apache-2.0, by ohmloom,
+see https://www.apache.org/licenses/LICENSE-2.0
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """What an export has written.
+
+    Attributes
+    ----------
+    path
+        The file.
+    platforms
+        Keys like ``"x86_64-linux"`` of the libraries inside; empty if there was no compiler, and the FMU holds sources
+        alone.
+    token
+        The FMU's GUID (FMI 2.0) or instantiation token (FMI 3.0), a digest of what it computes.
+    size
+        In bytes.
+    """
+
+    path: Path
+    platforms: tuple[str, ...]
+    token: str
+    size: int
+
+
+def check_options(where: str, out: Path | str, fmi: int, platforms: str) -> Path:
+    """Refuse a bad place, version or choice of platforms before any work is done.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is none of those that there are.
+    OperationError
+        If all platforms are asked for, and no compiler for them is installed.
+    """
+    import importlib.util
+
+    expect_type(f"{where}: out", out, str, Path, name="a path")
+    path = Path(out)
+    if path.suffix != ".fmu":
+        raise ParameterError(f"{where}: out: expected a file that ends in .fmu, got {shown(str(path))}. Rename it.")
+    if path.is_dir():
+        raise ParameterError(f"{where}: out: expected a file, got the folder {path}. Use another path.")
+    if isinstance(fmi, bool) or fmi not in (2, 3):
+        raise ParameterError(f"{where}: fmi: expected 2 or 3, got {shown(fmi)}. Choose one.")
+    expect_type(f"{where}: platforms", platforms, str, name="a name")
+    if platforms not in get_args(Platforms):
+        raise UnknownNameError.of(f"{where}: platforms", platforms, get_args(Platforms))
+    if platforms == "all" and importlib.util.find_spec("ziglang") is None:
+        raise OperationError(f"{where}: platforms: expected ziglang, which compiles for other platforms, got none. "
+                             "Install ohmloom's extra 'fmu'.")  # fmt: skip
+    return path
+
+
+def build(
+    path: Path,
+    description: Description,
+    model: dict[str, str],
+    paragraphs: list[str],
+    *,
+    fmi: FmiVersion,
+    platforms: Platforms,
+) -> Export:
+    """Compile `model` (name -> C text, ``model.c`` among them) with the runtime, and write the archive to `path`.
+
+    Raises
+    ------
+    OperationError
+        If the compiler fails, or the file cannot be written.
+    """
+    sources = {name: text.encode() for name, text in model.items()}
+    sources["runtime.c"] = _runtime(fmi)
+    token = _token(description.to_xml(fmi, ""), sources)
+    sources["fmu.c"] = (
+        f"/* The one file to compile, with FMI's headers on the include path: cc {' '.join(FLAGS)} -fPIC fmu.c -lm */\n"
+        f'#define FMI_VERSION {fmi}\n#define MODEL_TOKEN "{token}"\n#include "runtime.c"\n'
+    ).encode()
+    content = {f"sources/{name}": text for name, text in sources.items()}
+    content["modelDescription.xml"] = description.to_xml(fmi, token).encode()
+    content["documentation/index.html"] = index_page(description.name, paragraphs, description).encode()
+    content["documentation/licenses/license.txt"] = LICENCE.encode()
+    if fmi == 3:
+        content["sources/buildDescription.xml"] = build_description(description.identifier).encode()
+    # By the standard an importer has these; they are needed here alone.
+    headers = {name: (files("fmpy") / "c-code" / name).read_bytes() for name in HEADERS[fmi]}
+    built = []
+    for key in TARGETS if platforms == "all" else ("",):
+        library = compile_library({**sources, **headers}, key)
+        if library is None:
+            logger.warning("%s: no C compiler was found: the FMU holds sources alone", path)
+            continue
+        target = TARGETS[key or host()]
+        content[f"binaries/{target.folder(fmi)}/{description.identifier}{target.ending}"] = library
+        built.append(key or host())
+    data = archive(content)
+    write_atomic(path, data)
+    return Export(path=path, platforms=tuple(built), token=token, size=len(data))
+
+
+def archive(content: dict[str, bytes]) -> bytes:
+    """A zip file of `content`, always the same: sorted, without dates; modelDescription.xml comes first."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
+        for name in sorted(content, key=lambda name: (name != "modelDescription.xml", name)):
+            entry = zipfile.ZipInfo(name, EPOCH)
+            entry.compress_type, entry.create_system, entry.external_attr = zipfile.ZIP_DEFLATED, 3, 0o644 << 16
+            file.writestr(entry, content[name])
+    return buffer.getvalue()
+
+
+def _runtime(fmi: FmiVersion) -> bytes:
+    """The runtime without one of its last two sections: what the other version calls everything."""
+    text = (files("ohmloom.fmu") / "runtime" / "runtime.c").read_text(encoding="utf-8")
+    mark = "\n#if FMI_VERSION == "
+    head, *sections = text.rsplit(mark, 2)
+    return (head + mark + sections[fmi - 2]).encode()
+
+
+def _token(xml: str, sources: dict[str, bytes]) -> str:
+    digest = hashlib.sha256(xml.encode())
+    for name in sorted(sources):
+        digest.update(name.encode() + b"\0" + sources[name] + b"\0")
+    h = digest.hexdigest()
+    return f"{{{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}}}"

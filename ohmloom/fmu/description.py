@@ -1,0 +1,296 @@
+"""What an FMU says of itself: variables, their units and dependencies, as `modelDescription.xml` of FMI 2.0 or 3.0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Literal
+from xml.sax.saxutils import escape, quoteattr
+
+from ohmloom.fmu._units import base_exponents
+
+FmiVersion = Literal[2, 3]
+Kind = Literal["parameter", "start", "input", "state", "rate", "output", "indicator"]
+# The order of the runtime's table of values: a value reference is a place in it, and 0 is the time.
+KINDS: tuple[tuple[Kind, ...], ...] = (
+    ("parameter", "start"),
+    ("input",),
+    ("state",),
+    ("rate",),
+    ("output",),
+    ("indicator",),
+)
+CAUSALITY = {
+    "parameter": ("parameter", "tunable"),
+    "start": ("parameter", "fixed"),
+    "input": ("input", "continuous"),
+    "state": ("output", "continuous"),
+    "rate": ("local", "continuous"),
+    "output": ("output", "continuous"),
+    "indicator": ("local", "continuous"),
+}
+TOLERANCE = 1e-8  # of a co-simulation step, in shares of a state's range; as in runtime.c
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """One variable of a continuous model.
+
+    Attributes
+    ----------
+    kind
+        ``"start"`` is a parameter that is read at the start alone; ``"rate"`` the derivative of the state `state`.
+    start, low, high
+        Of parameters and inputs; SI.
+    dependencies
+        Names of inputs and states that it depends on, for rates, outputs and indicators.
+    initial_dependencies
+        Names of inputs and parameters that it depends on at the start, for what is calculated.
+    """
+
+    name: str
+    kind: Kind
+    unit: str
+    doc: str
+    start: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
+    nominal: float | None = None
+    state: str = ""
+    dependencies: tuple[str, ...] = ()
+    initial_dependencies: tuple[str, ...] = ()
+
+    @property
+    def is_given(self) -> bool:
+        """Whether an importer may set it."""
+        return self.kind in ("parameter", "start", "input")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """A continuous model's variables, in the order of the runtime's table, and what is said of the whole."""
+
+    name: str
+    identifier: str
+    doc: str
+    stop_time: float
+    step_size: float
+    variables: tuple[Variable, ...]
+
+    def __post_init__(self) -> None:
+        """Check the order."""
+        places = [next(k for k, kinds in enumerate(KINDS) if v.kind in kinds) for v in self.variables]
+        assert places == sorted(places)
+        assert len({v.name for v in self.variables}) == len(self.variables)
+
+    def of(self, *kinds: Kind) -> tuple[Variable, ...]:
+        """The variables of these kinds, in order."""
+        return tuple(v for v in self.variables if v.kind in kinds)
+
+    def to_xml(self, fmi: FmiVersion, token: str) -> str:
+        """`modelDescription.xml`; the same description always gives the same text."""
+        return _Writer2(self).text(token) if fmi == 2 else _Writer3(self).text(token)
+
+
+Attributes = dict[str, str | float | int | bool | None]
+
+
+def _tag(name: str, inner: Iterable[str] = (), /, **attributes: str | float | int | bool | None) -> str:
+    words = [name]
+    for key, value in attributes.items():
+        if value is None:
+            continue
+        text = (
+            ("true" if value else "false")
+            if isinstance(value, bool)
+            else repr(value)
+            if isinstance(value, float)
+            else str(value)
+        )
+        words.append(f"{key.rstrip('_')}={quoteattr(text)}")
+    lines = [line for item in inner for line in item.splitlines()]
+    if not lines:
+        return f"<{' '.join(words)}/>"
+    return "\n".join([f"<{' '.join(words)}>", *(f"  {line}" for line in lines), f"</{name}>"])
+
+
+class _Writer:
+    """What both versions have in common."""
+
+    def __init__(self, description: Description) -> None:
+        self.d = description
+        self.reference = {v.name: k for k, v in enumerate(description.variables, 1)}
+
+    def head(self) -> dict[str, str]:
+        return {
+            "modelName": self.d.name,
+            "description": self.d.doc,
+            "license": "Apache-2.0",
+            "generationTool": f"ohmloom {version('ohmloom')}",
+            "variableNamingConvention": "structured",
+        }
+
+    def units(self) -> str:
+        names = dict.fromkeys(v.unit for v in self.d.variables if v.unit != "1")
+        return _tag("UnitDefinitions", [
+            _tag("Unit", [_tag("BaseUnit", (), **base_exponents(unit))], name=unit) for unit in names
+        ])  # fmt: skip
+
+    def logs(self) -> str:
+        return _tag("LogCategories", [
+            _tag("Category", name="logStatusError", description="why a function failed"),
+            _tag("Category", name="logEvents", description="states that reach or leave a limit"),
+        ])  # fmt: skip
+
+    def experiment(self) -> str:
+        d = self.d
+        return _tag("DefaultExperiment", startTime=0.0, stopTime=d.stop_time, tolerance=TOLERANCE, stepSize=d.step_size)
+
+    def real(self, v: Variable) -> Attributes:
+        """Attributes that are spelt alike in both versions."""
+        return {
+            "unit": None if v.unit == "1" else v.unit,
+            "min": v.low if v.is_given and math.isfinite(v.low) else None,
+            "max": v.high if v.is_given and math.isfinite(v.high) else None,
+            "nominal": v.nominal,
+            "start": float(v.start) if v.is_given else None,
+            "reinit": True if v.kind == "state" else None,
+        }
+
+    def numbers(self, names: Iterable[str]) -> str:
+        return " ".join(str(number) for number in sorted(self.reference[name] for name in names))
+
+    def finish(self, root: str) -> str:
+        return f'<?xml version="1.0" encoding="UTF-8"?>\n{root}\n'
+
+
+class _Writer2(_Writer):
+    """FMI 2.0: variables are known by their index, from 1 on, which here equals their value reference."""
+
+    def __init__(self, description: Description) -> None:
+        super().__init__(description)
+        # Indicators are no variables there.
+        self.shown = [v for v in description.variables if v.kind != "indicator"]
+
+    def text(self, token: str) -> str:
+        d = self.d
+        sources = [_tag("SourceFiles", [_tag("File", name="fmu.c")])]
+        common: Attributes = {
+            "modelIdentifier": d.identifier,
+            "canNotUseMemoryManagementFunctions": True,
+            "canGetAndSetFMUstate": True,
+            "canSerializeFMUstate": True,
+            "providesDirectionalDerivative": True,
+        }
+        root = _tag("fmiModelDescription", [
+            _tag("ModelExchange", sources, **common, completedIntegratorStepNotNeeded=True),
+            _tag("CoSimulation", sources, **common, canHandleVariableCommunicationStepSize=True),
+            self.units(),
+            self.logs(),
+            self.experiment(),
+            _tag("ModelVariables", map(self.variable, self.shown)),
+            _tag("ModelStructure", [
+                self.unknowns("Outputs", d.of("state", "output")),
+                self.unknowns("Derivatives", d.of("rate")),
+                _tag("InitialUnknowns", [
+                    _tag("Unknown", index=self.reference[v.name], dependencies=self.numbers(v.initial_dependencies))
+                    for v in d.of("state", "rate", "output")
+                ]),
+            ]),
+        ], fmiVersion="2.0", guid=token, **self.head(), numberOfEventIndicators=len(d.of("indicator")))  # fmt: skip
+        return self.finish(root)
+
+    def variable(self, v: Variable) -> str:
+        causality, variability = CAUSALITY[v.kind]
+        derivative = self.reference[v.state] if v.kind == "rate" else None
+        return _tag(
+            "ScalarVariable", [_tag("Real", **self.real(v), derivative=derivative)], name=v.name,
+            valueReference=self.reference[v.name], description=v.doc, causality=causality, variability=variability,
+            initial="exact" if v.kind in ("parameter", "start") else None if v.kind == "input" else "calculated",
+        )  # fmt: skip
+
+    def unknowns(self, name: str, variables: Iterable[Variable]) -> str:
+        return _tag(name, [
+            _tag("Unknown", index=self.reference[v.name], dependencies=self.numbers(v.dependencies)) for v in variables
+        ])  # fmt: skip
+
+
+class _Writer3(_Writer):
+    """FMI 3.0: variables are known by their value reference; indicators and the time are variables."""
+
+    def text(self, token: str) -> str:
+        d = self.d
+        common: Attributes = {
+            "modelIdentifier": d.identifier,
+            "canGetAndSetFMUState": True,
+            "canSerializeFMUState": True,
+            "providesDirectionalDerivatives": True,
+            "providesAdjointDerivatives": True,
+        }
+        time = _tag("Float64", name="time", valueReference=0, causality="independent", variability="continuous",
+                    description="simulation time", unit="s")  # fmt: skip
+        structure = [
+            *(self.unknown("Output", v, v.dependencies) for v in d.of("state", "output")),
+            *(self.unknown("ContinuousStateDerivative", v, v.dependencies) for v in d.of("rate")),
+            *(self.unknown("InitialUnknown", v, v.initial_dependencies) for v in d.of("state", "rate", "output")),
+            *(self.unknown("EventIndicator", v, v.dependencies) for v in d.of("indicator")),
+        ]
+        root = _tag("fmiModelDescription", [
+            _tag("ModelExchange", **common),
+            _tag("CoSimulation", **common, canHandleVariableCommunicationStepSize=True),
+            self.units(),
+            self.logs(),
+            self.experiment(),
+            _tag("ModelVariables", [time, *map(self.variable, d.variables)]),
+            _tag("ModelStructure", structure),
+        ], fmiVersion="3.0", instantiationToken=token, **self.head())  # fmt: skip
+        return self.finish(root)
+
+    def units(self) -> str:
+        text = super().units()
+        second = _tag("Unit", [_tag("BaseUnit", s=1)], name="s")
+        return (
+            text
+            if any(v.unit == "s" for v in self.d.variables)
+            else text.replace("\n", f'\n  {second.splitlines()[0]}\n    <BaseUnit s="1"/>\n  </Unit>\n', 1)
+        )
+
+    def variable(self, v: Variable) -> str:
+        causality, variability = CAUSALITY[v.kind]
+        derivative = self.reference[v.state] if v.kind == "rate" else None
+        return _tag(
+            "Float64", name=v.name, valueReference=self.reference[v.name], description=v.doc, causality=causality,
+            variability=variability, initial=None if v.kind == "input" else "exact" if v.is_given else "calculated",
+            **self.real(v), derivative=derivative,
+        )  # fmt: skip
+
+    def unknown(self, name: str, v: Variable, dependencies: tuple[str, ...]) -> str:
+        return _tag(name, valueReference=self.reference[v.name], dependencies=self.numbers(dependencies))
+
+
+def build_description(identifier: str) -> str:
+    """`sources/buildDescription.xml` of FMI 3.0."""
+    root = _tag("fmiBuildDescription", [
+        _tag("BuildConfiguration", [
+            _tag("SourceFileSet", [_tag("SourceFile", name="fmu.c")], language="C99")
+        ], modelIdentifier=identifier)
+    ], fmiVersion="3.0")  # fmt: skip
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{root}\n'
+
+
+def index_page(title: str, paragraphs: Iterable[str], description: Description) -> str:
+    """`documentation/index.html`: what the model computes, and its variables."""
+    rows = [
+        f"<tr><td>{escape(v.name)}</td><td>{v.kind}</td><td>{escape(v.unit)}</td>"
+        f"<td>{repr(float(v.start)) if v.is_given else ''}</td><td>{escape(v.doc)}</td></tr>"
+        for v in description.variables
+    ]
+    return "\n".join([
+        "<!DOCTYPE html>", '<html lang="en"><head><meta charset="utf-8">',
+        f"<title>{escape(title)}</title></head><body>",
+        f"<h1>{escape(title)}</h1>", *(f"<p>{escape(text)}</p>" for text in paragraphs),
+        "<table><tr><th>variable</th><th>kind</th><th>unit</th><th>start</th><th>meaning</th></tr>", *rows,
+        "</table>", "</body></html>", "",
+    ])  # fmt: skip

@@ -1,0 +1,113 @@
+"""The C of an FMU under the compiler's and the sanitizers' eyes, and its archive byte for byte."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from ohmloom.devices import Device
+from ohmloom.errors import OperationError
+from ohmloom.fmu import export_device
+from ohmloom.fmu.build import HEADERS
+
+CYCLES = Path(__file__).with_name("fmu_cycles.c")
+
+
+@pytest.fixture
+def sources(tmp_path):
+    def unpack(name, fmi):
+        file = export_device(Device.load(name), tmp_path / "device.fmu", fmi=fmi).path
+        with zipfile.ZipFile(file) as archive:
+            archive.extractall(tmp_path / f"{name}{fmi}")
+        for header in HEADERS[fmi]:
+            shutil.copy(Path(fmpy.__file__).with_name("c-code") / header, tmp_path / f"{name}{fmi}" / "sources")
+        return tmp_path / f"{name}{fmi}" / "sources"
+
+    return unpack
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", ["hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett"])
+def test_no_warning(need_tool, sources, name, fmi):
+    compiler = need_tool("the C of FMUs is not looked at here", os.environ.get("CC", ""), "gcc", "clang")
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden", "-c", "-fPIC"]
+    done = subprocess.run([compiler, *flags, "fmu.c", "-o", "fmu.o"], cwd=sources(name, fmi), capture_output=True,
+                          text=True, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_two_thousand_lives_leave_nothing_behind(need_tool, sources, fmi):
+    compiler = need_tool("FMUs are not run under sanitizers here", os.environ.get("CC", ""), "gcc", "clang")
+    folder = sources("hp_tio2_paper", fmi)
+    shutil.copy(CYCLES, folder)
+    flags = ["-std=c99", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined",
+             "-fno-sanitize-recover=all"]  # fmt: skip
+    words = [compiler, *flags, CYCLES.name, "-o", "cycles", "-lm"]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1"}
+    done = subprocess.run(["./cycles"], cwd=folder, capture_output=True, text=True, env=environment, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_same_model_gives_the_same_bytes(tmp_path, fmi):
+    device = Device.load("hp_tio2")
+    first = export_device(device, tmp_path / "a" / "hp.fmu", fmi=fmi)
+    second = export_device(device, tmp_path / "b" / "hp.fmu", fmi=fmi)
+    assert first.path.read_bytes() == second.path.read_bytes()
+    other = export_device(device.replace(r_on=101.0), tmp_path / "hp.fmu", fmi=fmi)
+    assert other.token != first.token == second.token
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_archive_is_small_and_complete(tmp_path, fmi):
+    written = export_device(Device.load("hp_tio2"), tmp_path / "hp.fmu", fmi=fmi)
+    assert written.size == written.path.stat().st_size < (25_000 if fmi == 2 else 26_000)
+    with zipfile.ZipFile(written.path) as file:
+        names = set(file.namelist())
+        page = file.read("documentation/index.html").decode()
+        licence = file.read("documentation/licenses/license.txt").decode()
+    wanted = {"modelDescription.xml", "sources/fmu.c", "sources/runtime.c", "sources/model.c", "sources/law.c"}
+    assert wanted <= names
+    assert ("sources/buildDescription.xml" in names) == (fmi == 3)
+    assert "Apache-2.0" in licence
+    assert "i = G(s, v) v" in page
+    assert Device.load("hp_tio2").sources["r_on"].split()[0] in page
+
+
+def test_ziglang_takes_over_where_there_is_no_compiler(tmp_path, monkeypatch):
+    if importlib.util.find_spec("ziglang") is None:
+        pytest.skip("ziglang is not installed")
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    written = export_device(Device.load("hp_tio2_paper"), tmp_path / "hp.fmu", q0=0.0)
+    monkeypatch.undo()
+    assert written.platforms
+    run = fmpy.simulate_fmu(str(written.path), fmi_type="CoSimulation", start_values={"v": 0.8}, stop_time=0.5)
+    assert run["q"][-1] == pytest.approx(1.0 - (1.0 - 0.8) ** 0.5, abs=1e-9)
+
+
+def test_without_a_compiler_the_sources_alone_are_written(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("ohmloom.fmu._compile.find_compiler", lambda: None)
+    written = export_device(Device.load("hp_tio2"), tmp_path / "hp.fmu")
+    assert written.platforms == ()
+    assert "the FMU holds sources alone" in caplog.text
+    with zipfile.ZipFile(written.path) as file:
+        assert not [name for name in file.namelist() if name.startswith("binaries/")]
+
+
+def test_a_compiler_that_fails_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(OperationError, match=r"^false: expected it to compile an FMU, got: no word. Try another"):
+        export_device(Device.load("hp_tio2"), tmp_path / "hp.fmu")
+    monkeypatch.setenv("CC", "no-such-compiler -O9")
+    with pytest.raises(OperationError, match=r"^CC: expected a C compiler, got 'no-such-compiler -O9', which is not"):
+        export_device(Device.load("hp_tio2"), tmp_path / "hp.fmu")
+    assert not (tmp_path / "hp.fmu").exists()
