@@ -15,15 +15,13 @@ which its slope is 0 or points inward has been taken too far, and that counts as
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from ohmloom._jit import closure_kernel, inner_kernel, kernel
+from ohmloom._jit import inner_kernel, kernel
 from ohmloom.circuits._crossbar_kernels import SCRATCH, TOLERANCE, solve_potentials
-from ohmloom.devices._kernels import charge_rate, conductance, flux, no_flux
-from ohmloom.devices.laws import LAWS
+from ohmloom.devices._kernels import charge_rate, conductance, flux, state_at_flux
 
 # Of each pair: the times of its stages, in each stage the weights of the slopes before it (in the last those of the
 # higher order), and the weights of the lower order.
@@ -54,32 +52,6 @@ ROUNDING = 2e-15
 MOST_STEPS = 200_000
 NEWTON_ROUNDS = 60
 INVERSION_ROUNDS = 80
-# Laws whose inverse of the flux compiles; it is several times faster than Newton's rule on the flux.
-CLOSED_FORMS = ("hp_linear", "linear")
-
-
-def _build_state_at_flux(functions: Sequence[Callable[..., Any]], index: int = 0) -> Callable[..., float]:
-    """Chain compiled inverses of the flux: the first answers to `index`, the second to the next, and so on."""
-    head = inner_kernel(functions[0])
-    if len(functions) == 1:
-
-        @closure_kernel(str(index))
-        def last(law_index: int, phi: float, p: Any) -> float:
-            return head(phi, p) if law_index == index else float("nan")
-
-        return last
-    tail = _build_state_at_flux(functions[1:], index + 1)
-
-    @closure_kernel(str(index))
-    def choose(law_index: int, phi: float, p: Any) -> float:
-        return head(phi, p) if law_index == index else tail(law_index, phi, p)
-
-    return choose
-
-
-_state_at_flux = _build_state_at_flux(
-    [(law.state_at_flux if law.name in CLOSED_FORMS else None) or no_flux for law in LAWS.values()]
-)
 
 
 @inner_kernel
@@ -89,7 +61,7 @@ def _state(law: int, p: Any, q_d: float, y: float, y_max: float, s: float) -> fl
         return 0.0
     if y >= y_max:
         return 1.0
-    closed = _state_at_flux(law, y, p)
+    closed = state_at_flux(law, y, p)
     if not math.isnan(closed):
         return min(max(closed, 0.0), 1.0)
     low, high = 0.0, 1.0

@@ -17,6 +17,8 @@ from ohmloom.devices.laws import LAWS, _functions, _shared
 
 LAW_NAMES: tuple[str, ...] = tuple(LAWS)
 LAWS_PACKAGE = "ohmloom.devices.laws"
+# Laws whose inverse of the flux is a closed form that compiles; the others' is an iteration in NumPy.
+CLOSED_INVERSES = ("hp_linear", "linear")
 LAW_INDEX: dict[str, int] = {name: index for index, name in enumerate(LAW_NAMES)}
 
 
@@ -77,8 +79,27 @@ def build_flux(functions: Sequence[Callable[..., Any]], index: int = 0) -> Calla
     return choose
 
 
+def build_state_at_flux(functions: Sequence[Callable[..., Any]], index: int = 0) -> Callable[..., float]:
+    """Chain compiled inverses of the flux in the same way."""
+    head = inner_kernel(functions[0])
+    if len(functions) == 1:
+
+        @closure_kernel(str(index))
+        def last(law_index: int, phi: float, p: Any) -> float:
+            return head(phi, p) if law_index == index else float("nan")
+
+        return last
+    tail = build_state_at_flux(functions[1:], index + 1)
+
+    @closure_kernel(str(index))
+    def choose(law_index: int, phi: float, p: Any) -> float:
+        return head(phi, p) if law_index == index else tail(law_index, phi, p)
+
+    return choose
+
+
 def no_flux(s: float, p: Any) -> float:
-    """What a law that is not ideal has for a flux."""
+    """What a law that is not ideal has for a flux, and one without a closed form for its inverse."""
     return float("nan")
 
 
@@ -102,6 +123,9 @@ _teach_helpers()
 _conductance = build_conductance([law.conductance for law in LAWS.values()])
 _charge_rate = build_charge_rate([law.charge_rate for law in LAWS.values()])
 _flux = build_flux([law.flux or no_flux for law in LAWS.values()])
+_state_at_flux = build_state_at_flux(
+    [(law.state_at_flux if name in CLOSED_INVERSES else None) or no_flux for name, law in LAWS.items()]
+)
 _metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate, "laws")
 
 
@@ -121,6 +145,12 @@ def charge_rate(law_index: int, s: float, v: float, i: float, p: Any) -> float:
 def flux(law_index: int, s: float, p: Any) -> float:
     """phi(s) in Wb; NaN for a law that is not ideal."""
     return _flux(law_index, s, p)
+
+
+@kernel
+def state_at_flux(law_index: int, phi: float, p: Any) -> float:
+    """The s at which the flux is `phi` [Wb], before walls; NaN for a law that has no closed form for it."""
+    return _state_at_flux(law_index, phi, p)
 
 
 @kernel

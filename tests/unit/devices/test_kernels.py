@@ -201,3 +201,16 @@ def test_a_meter_that_would_never_stop_gives_nan():
     assert np.isnan(kernels.metered_pulse(law, 0.3, p, q_d, 1.0, -1e-9)).all()
     assert np.isnan(kernels.metered_pulse(law, 0.3, p, q_d, 0.0, 1e-9)).all()
     assert math.isnan(kernels.metered_pulse(law, math.nan, p, q_d, 1.0, 1e-9)[0])
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_compiled_inverse_of_the_flux_gives_the_state_back_or_nan(name):
+    law, index = LAWS[name], kernels.LAW_INDEX[name]
+    p = tuple(parameter.default for parameter in law.parameters)
+    for s in (0.0, 0.3, 0.9, 1.0):
+        phi = law.flux(s, p) if law.is_ideal else 1.0
+        found = kernels.state_at_flux(index, phi, p)
+        if name in kernels.CLOSED_INVERSES:
+            assert found == pytest.approx(s, abs=1e-12)  # rounding of a square root's argument
+        else:
+            assert math.isnan(found)
