@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from ohmloom.circuits.array_netlist import crossbar_netlist, memristor_netlist
 from ohmloom.circuits.conduction import Conduction, SelectorConduction, SinhConduction
-from ohmloom.circuits.crossbar import Crossbar, Read
+from ohmloom.circuits.crossbar import Crossbar
+from ohmloom.circuits.crossbar_read import Read
 from ohmloom.circuits.elements import (
     VCCS,
     VCVS,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass
 from dataclasses import replace as replace_fields
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,6 +15,7 @@ from ohmloom.circuits._line_solver import solve
 from ohmloom.circuits._lines import make_lines
 from ohmloom.circuits._newton import solve_nonlinear
 from ohmloom.circuits.conduction import Conduction
+from ohmloom.circuits.crossbar_read import Read, Side
 from ohmloom.errors import ParameterError, UnknownNameError, expect_number, expect_type, shown
 from ohmloom.units import format_quantity
 
@@ -24,66 +24,6 @@ if TYPE_CHECKING:
 
 Drive = Literal["left", "both"]
 Sense = Literal["bottom", "both"]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Side:
-    """One set of lines: resistance of a segment, terminations (line, end=2) [S], and what they hold [V]."""
-
-    segment: float
-    ends: FloatArray
-    held: FloatArray
-
-    def violation(self, x: FloatArray, device: FloatArray) -> float:
-        """Largest sum of currents out of a node, or of a line without resistance; axes (..., line, node)."""
-        finite = np.where(np.isinf(self.ends), 0.0, self.ends)
-        terminal = finite * (np.stack([x[..., 0], x[..., -1]], axis=-1) - self.held)
-        if self.segment == 0.0:
-            total = device.sum(axis=-1) + terminal.sum(axis=-1)
-            return float(np.abs(np.where(np.isinf(self.ends).any(axis=-1), 0.0, total)).max())
-        out, along = device.copy(), np.diff(x, axis=-1) / self.segment
-        out[..., :-1] -= along
-        out[..., 1:] += along
-        out[..., 0] += terminal[..., 0]
-        out[..., -1] += terminal[..., 1]
-        return float(np.abs(out).max())
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Read:
-    """What a read of a crossbar gives; leading axes are those of conductances and voltages, broadcast.
-
-    Attributes
-    ----------
-    current
-        Into the sense of each column [A], axes (..., bit_line).
-    v_row, v_column
-        Potential of each crosspoint's node on its row and on its column [V], axes (..., word_line, bit_line).
-    device_current
-        Through each device, from row to column [A], the same axes.
-    iterations
-        Of the conjugate gradients; 0 where no line needs any.
-    """
-
-    current: FloatArray
-    v_row: FloatArray
-    v_column: FloatArray
-    device_current: FloatArray
-    iterations: int
-    _sides: tuple[_Side, _Side]
-
-    @cached_property
-    def residual(self) -> float:
-        """Largest violation of Kirchhoff's current law at any node, over the largest current in any device."""
-        turned = np.swapaxes(self.v_column, -1, -2), -np.swapaxes(self.device_current, -1, -2)
-        worst = max(self._sides[0].violation(self.v_row, self.device_current), self._sides[1].violation(*turned))
-        largest = float(np.abs(self.device_current).max())
-        return worst / largest if largest > 0.0 else worst
-
-    @property
-    def device_power(self) -> FloatArray:
-        """Power in each device [W], axes (..., word_line, bit_line)."""
-        return self.device_current * (self.v_row - self.v_column)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -253,7 +193,7 @@ class Crossbar:
             return np.swapaxes(x[..., ::-1, ::-1], -1, -2)
 
         rows, columns = read._sides
-        flipped = tuple(_Side(segment=side.segment, ends=side.ends[::-1, ::-1], held=side.held[..., ::-1, ::-1])
+        flipped = tuple(Side(segment=side.segment, ends=side.ends[::-1, ::-1], held=side.held[..., ::-1, ::-1])
                         for side in (columns, rows))  # fmt: skip
         return replace_fields(read, current=read.current[..., ::-1], v_row=back(read.v_column),
                               v_column=back(read.v_row), device_current=-back(read.device_current),
@@ -348,13 +288,13 @@ class Crossbar:
             iterations=iterations, _sides=sides,
         )  # fmt: skip
 
-    def _sides(self, volts: FloatArray) -> tuple[_Side, _Side]:
+    def _sides(self, volts: FloatArray) -> tuple[Side, Side]:
         """Rows, driven by `volts`, axes (..., word_line), and columns, held at ground."""
         rows = _ends(self.r_row + self.r_driver, near_is_first=True, both=self.drive == "both")
         columns = _ends(self.r_column + self.r_sense, near_is_first=False, both=self.sense == "both")
         ground = np.zeros((*volts.shape[:-1], self.shape[1], 2))
-        return (_Side(segment=self.r_row, ends=rows, held=np.repeat(volts[..., None], 2, axis=-1)),
-                _Side(segment=self.r_column, ends=columns, held=ground))  # fmt: skip
+        return (Side(segment=self.r_row, ends=rows, held=np.repeat(volts[..., None], 2, axis=-1)),
+                Side(segment=self.r_column, ends=columns, held=ground))  # fmt: skip
 
     def _repr_html_(self) -> str:
         g = self.conductance

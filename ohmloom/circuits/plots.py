@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ohmloom._arrays import FloatArray
-from ohmloom.circuits.crossbar import Crossbar, Read
+from ohmloom.circuits.crossbar import Crossbar
+from ohmloom.circuits.crossbar_read import Read
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.units import axis_unit, format_quantity
 

@@ -37,7 +37,7 @@ def examine() -> list[Finding]:
         _try("shipped files", _shipped),
         _try("compiled kernels", _kernels),
         _try("kernel cache", _cache, is_core=False),
-        _tool("C compiler", (os.environ.get("CC", ""), "cc", "gcc", "clang"), "needed by benchmarks/trial.py only"),
+        _tool("C compiler", (os.environ.get("CC", ""), "cc", "gcc", "clang"), "builds FMUs; without one ziglang does"),
         _tool("ngspice", ("ngspice",), "runs netlists with circuit run --engine ngspice"),
     ]
     return found
