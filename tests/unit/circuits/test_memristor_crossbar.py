@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ohmloom.circuits import Crossbar, CrossbarTrace, MemristorCrossbar
+from ohmloom.circuits import Crossbar, CrossbarTrace, MemristorCrossbar, PulseTrain
 from ohmloom.devices import LAWS, CardValue, Device
 from ohmloom.errors import OperationError, ParameterError
 
@@ -181,3 +181,23 @@ def test_a_law_that_is_too_stiff_is_an_error_that_names_the_time():
     array = MemristorCrossbar(devices=Device.load("pickett"), s=[[0.3]])
     with pytest.raises(OperationError, match="expected every step to converge, got none after t = "):
         array.simulate([0.0, 5e-5, 5e-4], [[0.0], [1.0], [1.0]])
+
+
+def test_a_trials_worth_of_pulses_ends_where_the_sums_of_their_fluxes_do_walls_included():
+    """100 timesteps on 15 x 11 without wires: a device's flux is the sum of its pulses', clipped after each."""
+    device, rng = Device.load("hp_tio2_10k"), np.random.default_rng(3)
+    levels = [0.0, 0.0, -0.5, 0.5]
+    rows, columns = rng.choice(levels, (2100, 15)), rng.choice(levels, (2100, 11))
+    top = device.flux(1.0)
+    width, edge = top / 100, top / 10_000
+    train = PulseTrain.rectangular(rows, columns=11, column_levels=columns, width=width, edge=edge, period=2 * width)
+    s0 = rng.uniform(0.2, 0.8, (15, 11))
+    trace = MemristorCrossbar(devices=device, s=s0).simulate(train.t, train.v_row, train.v_column)
+    flux, hits = device.flux(s0), 0
+    for row, column in zip(rows, columns, strict=True):
+        wanted = flux + (row[:, None] - column) * (width + edge)
+        flux = np.clip(wanted, 0.0, top)
+        hits += int((flux != wanted).sum())
+    assert hits > 500  # walls are part of the test
+    # 1e-10 a step, the bound asked for; near s = 1 the state is steepest in the flux.
+    assert np.abs(device.flux(trace.s[-1]) - flux).max() <= 1e-9 * top
