@@ -8,10 +8,8 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray, frozen_array
 from ohmloom.errors import expect_integer, expect_type
+from ohmloom.mapping.nonidealities import EFFECTS
 from ohmloom.mapping.plan import Plan
-
-# One stream an effect, so that a new effect leaves the draws of the others as they are.
-EFFECTS = {"write_verify": 0, "event_charge": 1, "threshold": 2}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,14 +68,15 @@ def sample(plan: Plan, *, seed: int, die: int = 0) -> Die:
         If `seed` or `die` is no such integer.
     """
     seed, die = expect_integer("Plan.sample.seed", seed), expect_integer("Plan.sample.die", die)
-    spread, n = plan.hardware.spread, len(plan.crosspoints)
+    n = len(plan.crosspoints)
+    spread = {name: 0.0 if (q := getattr(plan.hardware.nonidealities, name)) is None else q.value for name in EFFECTS}
 
     def normal(effect: str) -> FloatArray:
-        stream = np.random.SeedSequence(seed, spawn_key=(EFFECTS[effect], die))
+        stream = np.random.SeedSequence(seed, spawn_key=(EFFECTS[effect].stream, die))
         return np.random.default_rng(stream).standard_normal(n)
 
     states, devices = np.empty(n), plan.hardware.devices
-    errors = spread.write_verify.value * normal("write_verify")
+    errors = spread["write_verify"] * normal("write_verify")
     for k, (point, error) in enumerate(zip(plan.crosspoints, errors, strict=True)):
         device = devices[plan.tiles[point.tile].kind]
         g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
@@ -89,7 +88,7 @@ def sample(plan: Plan, *, seed: int, die: int = 0) -> Die:
     return Die(
         plan=plan, seed=seed, index=die, state=states,
         # A meter cannot count backwards, nor a threshold be negative.
-        event_charge=np.maximum(1.0 + spread.event_charge.value * normal("event_charge"), 0.0),
+        event_charge=np.maximum(1.0 + spread["event_charge"] * normal("event_charge"), 0.0),
         threshold=plan.hardware.drive.threshold.value
-        * np.maximum(1.0 + spread.threshold.value * normal("threshold"), 0.0),
+        * np.maximum(1.0 + spread["threshold"] * normal("threshold"), 0.0),
     )  # fmt: skip

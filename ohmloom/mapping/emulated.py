@@ -257,7 +257,7 @@ def _fabric(die: Die, perturb: float) -> tuple[Any, IntArray]:
         die.threshold[order], np.array([LAW_INDEX[device.law] for device in devices], dtype=np.int64), parameters,
         q_d, reference, 1.0 / (hardware.read.voltage.value * (g_on - reference)),
         np.array([tile.kind in PLASTIC_KINDS for tile in plan.tiles], dtype=np.bool_),
-        np.array(drive.levels),
+        np.array(drive.volts.phases[0].column, dtype=np.float64),
         _kernels.CURRENT if drive.mode == "current" else _kernels.CHARGE_METERED,
         {"cell": _kernels.CELL, "column": _kernels.COLUMN, "array": _kernels.ARRAY}[drive.parallelism],
         drive.pulse_voltage.value, drive.pulse_duration.value if drive.pulse_duration else 0.0,

@@ -40,9 +40,14 @@ class Tile:
     kind, card
         Kind of synapse and the device card that builds it.
     rows, columns
-        Sending neuron on each word line, receiving neuron on each bit line, both ascending.
+        Sending neuron on each word line, from the one farthest from the senses; receiving neuron on each bit line, from
+        the one nearest to the drivers.
     has_reference
-        Whether a column of devices at G_off is subtracted, so that W = 0 can be read.
+        Whether a column of devices at G_off, after the last bit line, is subtracted, so that W = 0 can be read.
+    column_signs
+        What each bit line counts as: 1, or -1 for the negative line of a pair.
+    spare_rows, spare_columns
+        Further lines without a neuron, for repair.
     """
 
     kind: str
@@ -50,6 +55,13 @@ class Tile:
     rows: tuple[int, ...]
     columns: tuple[int, ...]
     has_reference: bool
+    column_signs: tuple[int, ...] = ()
+    spare_rows: int = 0
+    spare_columns: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.column_signs:
+            object.__setattr__(self, "column_signs", (1,) * len(self.columns))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +73,7 @@ class Crosspoint:
     synapse, tile, row, column
         Index of the synapse in the network, of the tile, of the word line and of the bit line.
     polarity
-        Sign of the row's read voltage: -1 for an inhibitory sender.
+        Sign of the row's read voltage times that of its bit line: -1 for an inhibitory sender.
     tap
         Shift-register tap of the row while this column is read, in steps (eq. 5).
     state, conductance
@@ -201,7 +213,7 @@ def _check_readings(network: Network, hardware: Hardware) -> None:
         raise MappingError(f"{network.name}: readings.weight_at: expected 'arrival', got {readings.weight_at!r}. "
                            "A column is read when the spike arrives; evolve with weight_at = 'arrival'.")  # fmt: skip
     if any(s.kind != "constant" for s in network.synapses):
-        check_rule(hardware.drive.levels, hardware.drive.threshold.value, readings)
+        check_rule(hardware.drive.volts, hardware.drive.threshold.value, readings)
 
 
 def _check_kinds(network: Network, hardware: Hardware) -> None:

@@ -271,7 +271,7 @@ def _exactness(plan: Plan, check: Agreement) -> tuple[dict[str, bool], dict[str,
     exact: dict[str, bool] = {}
     skipped: dict[str, str] = {}
     if kinds:
-        table = event_table(drive.levels, drive.threshold.value)
+        table = event_table(drive.volts, drive.threshold.value)
         exact["rule_table"] = all(
             table[pre][post] == stdp_sign(pre, post, readings.stdp_threshold)
             for pre in range(len(table)) for post in range(len(table))
