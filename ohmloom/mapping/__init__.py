@@ -3,7 +3,8 @@
 from ohmloom.mapping.die import Die
 from ohmloom.mapping.emulated import EmulatedController, Ledger
 from ohmloom.mapping.hardware import Hardware
-from ohmloom.mapping.plan import Crosspoint, Plan, Tile, place
+from ohmloom.mapping.placing import place
+from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
 from ohmloom.mapping.quantity import Quantity
 from ohmloom.mapping.waveform import WAVEFORMS, Waveform, event_table
 
@@ -16,6 +17,7 @@ __all__ = [
     "Ledger",
     "Plan",
     "Quantity",
+    "ReadErrors",
     "Tile",
     "Waveform",
     "event_table",
