@@ -6,6 +6,7 @@ from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.placing import place
 from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
 from ohmloom.mapping.quantity import Quantity
+from ohmloom.mapping.reset import ResetPlan, plan_reset
 from ohmloom.mapping.waveform import WAVEFORMS, Waveform, event_table
 
 __all__ = [
@@ -18,8 +19,10 @@ __all__ = [
     "Plan",
     "Quantity",
     "ReadErrors",
+    "ResetPlan",
     "Tile",
     "Waveform",
     "event_table",
     "place",
+    "plan_reset",
 ]
