@@ -2,6 +2,7 @@
 
 from ohmloom.mapping.die import Die
 from ohmloom.mapping.emulated import EmulatedController, Ledger
+from ohmloom.mapping.grid import Grid, tile_crossbar, tile_deck, tile_grid, tile_netlist
 from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.placing import place
 from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
@@ -14,6 +15,7 @@ __all__ = [
     "Crosspoint",
     "Die",
     "EmulatedController",
+    "Grid",
     "Hardware",
     "Ledger",
     "Plan",
@@ -25,4 +27,8 @@ __all__ = [
     "event_table",
     "place",
     "plan_reset",
+    "tile_crossbar",
+    "tile_deck",
+    "tile_grid",
+    "tile_netlist",
 ]
