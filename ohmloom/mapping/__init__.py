@@ -8,6 +8,7 @@ from ohmloom.mapping.placing import place
 from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
 from ohmloom.mapping.quantity import Quantity
 from ohmloom.mapping.reset import ResetPlan, plan_reset
+from ohmloom.mapping.schedule import Schedule, Slot, pulse_schedule
 from ohmloom.mapping.waveform import WAVEFORMS, Waveform, event_table
 
 __all__ = [
@@ -22,11 +23,14 @@ __all__ = [
     "Quantity",
     "ReadErrors",
     "ResetPlan",
+    "Schedule",
+    "Slot",
     "Tile",
     "Waveform",
     "event_table",
     "place",
     "plan_reset",
+    "pulse_schedule",
     "tile_crossbar",
     "tile_deck",
     "tile_grid",
