@@ -1,5 +1,6 @@
 """Network to hardware: specs, placement, waveforms, dies, and the emulated controller."""
 
+from ohmloom.mapping.cost import Cost, CostLine, plan_cost
 from ohmloom.mapping.die import Die
 from ohmloom.mapping.emulated import EmulatedController, Ledger
 from ohmloom.mapping.grid import Grid, tile_crossbar, tile_deck, tile_grid, tile_netlist
@@ -13,6 +14,8 @@ from ohmloom.mapping.waveform import WAVEFORMS, Waveform, event_table
 
 __all__ = [
     "WAVEFORMS",
+    "Cost",
+    "CostLine",
     "Crosspoint",
     "Die",
     "EmulatedController",
@@ -29,6 +32,7 @@ __all__ = [
     "Waveform",
     "event_table",
     "place",
+    "plan_cost",
     "plan_reset",
     "pulse_schedule",
     "tile_crossbar",

@@ -73,8 +73,17 @@ def pulse_duration(device: Device, hardware: Hardware) -> float | None:
     return passage(device, middle, min(middle + 1.0 / MEM_LIFETIME, 1.0), hardware).duration
 
 
-def advance(device: Device, state: float, sign: int, hardware: Hardware, share: float = 1.0) -> tuple[float, float]:
-    """State after one programming pulse, and how long it lasts [s].
+@dataclass(frozen=True, kw_only=True)
+class Pulse:
+    """What one programming pulse does: the state after it, its length [s], and the energy in the device [J]."""
+
+    state: float
+    duration: float
+    energy: float
+
+
+def pulse(device: Device, state: float, sign: int, hardware: Hardware, share: float = 1.0) -> Pulse:
+    """One programming pulse on a device.
 
     Parameters
     ----------
@@ -90,17 +99,22 @@ def advance(device: Device, state: float, sign: int, hardware: Hardware, share: 
     fixed = pulse_duration(device, hardware)
     if hardware.drive.mode != "voltage":
         after = min(max(state + sign * share / MEM_LIFETIME, 0.0), 1.0)
-        return after, passage(device, state, after, hardware).duration if fixed is None else share * fixed
+        way = passage(device, state, after, hardware)
+        return Pulse(state=after, duration=way.duration if fixed is None else share * fixed, energy=way.energy)
     assert fixed is not None
     volts, duration = sign * hardware.drive.pulse_voltage.value, share * fixed
+    after, energy = state, 0.0
     if LAWS[device.law].is_ideal:
         phi = float(device.flux(state)) + volts * duration
-        return float(device.state_at_flux(min(max(phi, 0.0), float(device.flux(1.0))))), duration
+        after = float(device.state_at_flux(min(max(phi, 0.0), float(device.flux(1.0)))))
+        energy = abs(volts * (after - state)) * device.charge_scale
+        return Pulse(state=after, duration=duration, energy=energy)
+    h = duration / STAGES
     for _ in range(STAGES):
-        h = duration / STAGES
-        middle = min(max(state + 0.5 * h * float(_rate(device, state, volts)), 0.0), 1.0)
-        state = min(max(state + h * float(_rate(device, middle, volts)), 0.0), 1.0)
-    return state, duration
+        middle = min(max(after + 0.5 * h * float(_rate(device, after, volts)), 0.0), 1.0)
+        after = min(max(after + h * float(_rate(device, middle, volts)), 0.0), 1.0)
+        energy += h * volts**2 * float(device.conductance(middle, volts))
+    return Pulse(state=after, duration=duration, energy=energy)
 
 
 @lru_cache(maxsize=4096)

@@ -12,7 +12,7 @@ from ohmloom._arrays import FloatArray
 from ohmloom.devices import Device
 from ohmloom.errors import MappingError, expect_type
 from ohmloom.mapping.hardware import Hardware
-from ohmloom.mapping.placement import Wires
+from ohmloom.mapping.placement import MOST_SWEEPS, Wires
 from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile, reads_with_reference
 from ohmloom.mapping.tiling import Tiling, split_demand
 from ohmloom.mapping.waveform import check_rule
@@ -43,12 +43,17 @@ def place(network: Network, hardware: Hardware) -> Plan:
     ParameterError
         If `network` or `hardware` is of another type.
     """
+    return placed(network, hardware)
+
+
+def placed(network: Network, hardware: Hardware, *, sweeps: int = MOST_SWEEPS) -> Plan:
+    """`place` with at most so many swaps of lines in each tile; 0 only sorts them."""
     expect_type("place.network", network, Network)
     expect_type("place.hardware", hardware, Hardware)
     _check_readings(network, hardware)
     _check_kinds(network, hardware)
     _check_compliance(network, hardware)
-    tiles = [tile for kind in _kinds(network) for tile in _tiles(network, hardware, kind)]
+    tiles = [tile for kind in _kinds(network) for tile in _tiles(network, hardware, kind, sweeps)]
     return Plan(
         network=network, hardware=hardware, tiles=tuple(tiles), crosspoints=crosspoints(network, hardware, tiles)
     )
@@ -186,6 +191,7 @@ class _Demand(NamedTuple):
     wires: tuple[tuple[str, float], ...]
     reference: float | None
     spare: tuple[int, int]
+    sweeps: int
 
 
 @lru_cache(maxsize=64)
@@ -193,11 +199,11 @@ def _split(demand: _Demand) -> Tiling:
     g: FloatArray = np.frombuffer(demand.conductance).reshape(demand.shape)
     return split_demand(
         g, max_rows=demand.most[0], max_columns=demand.most[1], limit=demand.limit, wires=Wires(**dict(demand.wires)),
-        reference=demand.reference, spare=demand.spare,
+        reference=demand.reference, spare=demand.spare, sweeps=demand.sweeps,
     )  # fmt: skip
 
 
-def _tiles(network: Network, hardware: Hardware, kind: str) -> list[Tile]:
+def _tiles(network: Network, hardware: Hardware, kind: str, sweeps: int) -> list[Tile]:
     array, device = hardware.array, hardware.devices[kind]
     g_off = float(device.conductance(0.0))
     is_differential = array.signs == "differential_pair"
@@ -208,7 +214,7 @@ def _tiles(network: Network, hardware: Hardware, kind: str) -> list[Tile]:
     limit = READ_ERROR if hardware.limits.read_error is None else hardware.limits.read_error.value
     tiling = _split(_Demand(
         g.tobytes(), (len(rows), len(lines)), (array.max_rows, array.max_columns), limit,
-        tuple(hardware.wires.resistances.items()), g_off if has_reference else None, spare,
+        tuple(hardware.wires.resistances.items()), g_off if has_reference else None, spare, sweeps,
     ))  # fmt: skip
     tiles = []
     for block in tiling.blocks:

@@ -14,7 +14,7 @@ from ohmloom._arrays import FloatArray, IntArray
 from ohmloom.circuits import PulseTrain
 from ohmloom.circuits.tables import write_rows
 from ohmloom.errors import MappingError, ParameterError, expect_integer, expect_type
-from ohmloom.mapping.passage import advance, pulse_duration
+from ohmloom.mapping.passage import Pulse, pulse, pulse_duration
 from ohmloom.mapping.plan import Crosspoint, Plan
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.neurocontroller.kinds import MEM_LIFETIME, PLASTIC_KINDS
@@ -47,6 +47,8 @@ class Slot:
         Cells (row, column) that are read or written; the transistors of all others are closed, if there are any.
     current
         Into the selected cell [A], where the drive pushes currents; else None.
+    energy, idle_energy
+        In the selected devices, and in those that see a part of the voltage [J].
     """
 
     tile: int
@@ -58,6 +60,8 @@ class Slot:
     columns: tuple[tuple[int, float], ...]
     selected: tuple[tuple[int, int], ...]
     current: float | None = None
+    energy: float = 0.0
+    idle_energy: float = 0.0
 
     @property
     def end(self) -> float:
@@ -254,16 +258,20 @@ def _all_at_once(plan: Plan, phase: Slot, fired: list[Event], states: FloatArray
     if plan.hardware.drive.mode == "voltage":
         fixed = pulse_duration(plan.hardware.devices[kind], plan.hardware)
         assert fixed is not None
-        _moved(plan, kind, fired, states, phase.duration)
+        duration = fixed * phase.duration
+        idle = duration * sum(_power(plan, point, phase, states) for point in _others(plan, phase.tile, fired))
+        done = _moved(plan, kind, fired, states, phase.duration)
         if phase.rows or phase.columns:
-            yield replace(phase, duration=fixed * phase.duration, selected=_cells(fired))
+            yield replace(phase, duration=duration, selected=_cells(fired), idle_energy=idle,
+                          energy=sum(p.energy for p in done))  # fmt: skip
         return
     for sign in (1, -1):
         group = [event for event in fired if event[1] == sign]
         if group:
-            duration = max(_moved(plan, kind, group, states, phase.duration))
+            done = _moved(plan, kind, group, states, phase.duration)
+            duration = max(p.duration for p in done)
             yield replace(phase, begin=begin, duration=duration, selected=_cells(group),
-                          current=_current(plan, kind, sign))  # fmt: skip
+                          current=_current(plan, kind, sign), energy=sum(p.energy for p in done))  # fmt: skip
             begin += duration
 
 
@@ -273,26 +281,39 @@ def _one_by_one(plan: Plan, phase: Slot, fired: list[Event], states: FloatArray)
     for point, sign in sorted(fired, key=lambda event: (event[0].column, event[0].row)):
         line = point.column if plan.hardware.drive.parallelism == "column" else 0
         begin = clocks.get(line, phase.begin)
-        duration = _moved(plan, kind, [(point, sign)], states, phase.duration)[0]
+        done = _moved(plan, kind, [(point, sign)], states, phase.duration)[0]
         yield replace(
-            phase, begin=begin, duration=duration, rows=tuple(r for r in phase.rows if r[0] == point.row),
+            phase, begin=begin, duration=done.duration, energy=done.energy,
+            rows=tuple(r for r in phase.rows if r[0] == point.row),
             columns=tuple(c for c in phase.columns if c[0] == point.column), selected=_cells([(point, sign)]),
             current=_current(plan, kind, sign),
         )  # fmt: skip
-        clocks[line] = begin + duration
+        clocks[line] = begin + done.duration
 
 
 def _cells(events: list[Event]) -> tuple[tuple[int, int], ...]:
     return tuple(sorted((point.row, point.column) for point, _ in events))
 
 
-def _moved(plan: Plan, kind: str, events: list[Event], states: FloatArray, share: float) -> list[float]:
-    """Write the cells; how long each pulse lasts [s]."""
-    device, durations = plan.hardware.devices[kind], []
+def _moved(plan: Plan, kind: str, events: list[Event], states: FloatArray, share: float) -> list[Pulse]:
+    """Write the cells; what each pulse did."""
+    device, done = plan.hardware.devices[kind], []
     for point, sign in events:
-        states[point.synapse], duration = advance(device, float(states[point.synapse]), sign, plan.hardware, share)
-        durations.append(duration)
-    return durations
+        done.append(pulse(device, float(states[point.synapse]), sign, plan.hardware, share))
+        states[point.synapse] = done[-1].state
+    return done
+
+
+def _others(plan: Plan, tile: int, fired: list[Event]) -> list[Crosspoint]:
+    selected = {point for point, _ in fired}
+    return [point for point in plan.crosspoints if point.tile == tile and point not in selected]
+
+
+def _power(plan: Plan, point: Crosspoint, phase: Slot, states: FloatArray) -> float:
+    """Of a device that sees what its two lines are held at [W]."""
+    volts = dict(phase.columns).get(point.column, 0.0) - dict(phase.rows).get(point.row, 0.0)
+    device = plan.hardware.devices[plan.tiles[point.tile].kind]
+    return volts**2 * float(device.conductance(float(states[point.synapse])))
 
 
 def _current(plan: Plan, kind: str, sign: int) -> float | None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, frozen_array
 from ohmloom.errors import MappingError, ParameterError, expect_integer, expect_number
-from ohmloom.mapping.placement import LineOrder, Wires, order_lines, worst_read_error
+from ohmloom.mapping.placement import MOST_SWEEPS, LineOrder, Wires, order_lines, worst_read_error
 
 # Worst over mean of the separable sum below, from exact solutions of 15 x 11 arrays .
 WORST_OVER_MEAN: Final = 1.45
@@ -115,6 +115,7 @@ def split_demand(
     wires: Wires | None = None,
     reference: float | None = None,
     spare: tuple[int, int] = (0, 0),
+    sweeps: int = MOST_SWEEPS,
     activity: npt.ArrayLike | None = None,
     name: Callable[[int, int], str] | None = None,
 ) -> Tiling:
@@ -139,6 +140,8 @@ def split_demand(
         Conductance of a device of the reference column [S]; None if tiles have none.
     spare
         Spare rows and columns of each tile, after its last row, and between its last column and the reference.
+    sweeps
+        Swaps of lines at most, in each tile; 0 only sorts them.
     activity
         How often each row spikes, axes (row,); enters the sorting of lines.
     name
@@ -171,7 +174,9 @@ def split_demand(
             raise MappingError(f"split_demand.max_{'columns' if axis else 'rows'}: expected at least "
                                f"{extra[axis] + 1}, for a line beside the {others}, got {most}; {first_name} is the "
                                "first without a line. Enlarge the array.")  # fmt: skip
-    made = _Array(wires=Wires() if wires is None else wires, reference=reference, spare=spare, activity=spiking)
+    made = _Array(
+        wires=Wires() if wires is None else wires, reference=reference, spare=spare, sweeps=sweeps, activity=spiking
+    )
     i, j = divmod(int(g.argmax()), g.shape[1])
     alone = _block(g, np.array([i]), np.array([j]), made)
     assert alone is not None
@@ -192,6 +197,7 @@ class _Array:
     wires: Wires
     reference: float | None
     spare: tuple[int, int]
+    sweeps: int
     activity: FloatArray
 
     @property

@@ -7,7 +7,7 @@ import pytest
 
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import Hardware, place, plan_reset
-from ohmloom.mapping.passage import advance, passage, pulse_duration
+from ohmloom.mapping.passage import passage, pulse, pulse_duration
 from ohmloom.neurocontroller import Network, champion
 
 HP = place(champion("HP"), Hardware.load("hp_1t1r"))
@@ -96,9 +96,10 @@ def test_a_pulse_of_fixed_voltage_is_right_at_half_and_moves_a_redox_device_by_i
     hardware = Hardware.load("peo_pani_redox")
     device = hardware.devices["peo_pani"]
     middle = float(device.state_at_weight(0.5))
-    after, duration = advance(device, middle, 1, hardware)
-    assert duration == pulse_duration(device, hardware)
-    assert after - middle == pytest.approx(1e-3, rel=1e-6)  # midpoint rule in 64 steps of a nearly straight line
+    done = pulse(device, middle, 1, hardware)
+    assert done.duration == pulse_duration(device, hardware)
+    assert done.energy == pytest.approx(passage(device, middle, middle + 1e-3, hardware).energy, rel=1e-6)
+    assert done.state - middle == pytest.approx(1e-3, rel=1e-6)  # midpoint rule in 64 steps of a nearly straight line
 
 
 def test_what_a_drive_cannot_reach_takes_for_ever():
