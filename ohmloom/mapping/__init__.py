@@ -7,6 +7,7 @@ from ohmloom.mapping.grid import Grid, tile_crossbar, tile_deck, tile_grid, tile
 from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.placing import place
 from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
+from ohmloom.mapping.plan_yield import plan_yield
 from ohmloom.mapping.quantity import Quantity
 from ohmloom.mapping.reset import ResetPlan, plan_reset
 from ohmloom.mapping.schedule import Schedule, Slot, pulse_schedule
@@ -34,6 +35,7 @@ __all__ = [
     "place",
     "plan_cost",
     "plan_reset",
+    "plan_yield",
     "pulse_schedule",
     "tile_crossbar",
     "tile_deck",

@@ -251,7 +251,10 @@ def _block(g: FloatArray, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.i
     n = len(columns)
     if made.reference is not None:
         array = np.column_stack([array, np.full(len(rows), made.reference)])
-    order = order_lines(array, made.wires, activity=made.activity[rows], fixed_columns=int(made.reference is not None))
+    order = order_lines(
+        array, made.wires, activity=made.activity[rows], fixed_columns=int(made.reference is not None),
+        sweeps=made.sweeps,
+    )  # fmt: skip
     error = order.refined
     if any(made.spare) and not made.wires.is_ideal:
         ordered = array[np.ix_(order.rows, order.columns)]

@@ -104,6 +104,13 @@ def test_ways_to_carry_signs_stand_side_by_side():
     assert polarity.area < pair.area < differential.area
 
 
+def test_ways_are_compared_with_sorted_lines():
+    network = champion("HP")
+    placed = plan("hp_1t1r", network)
+    errors = placed.tiles[0].read_error
+    assert plan_cost(placed).signs[0].read_error == errors.sorted > errors.refined
+
+
 def test_a_way_that_does_not_fit_says_why():
     narrow = plan("hp_1t1r", champion("GA"), array={"max_columns": 1, "signs": "differential_pair"})
     signs = {cost.signs: cost for cost in plan_cost(narrow).signs}
