@@ -105,8 +105,9 @@ def plot_schedule(schedule: Schedule, tile: int = 0, *, steps: int = 2, ax: Axes
     ax.set_xticks(range(len(slots)), [_slot_words(slot, labels, made) for slot in slots], rotation=90, fontsize=6)
     ax.axhline(rows, color=LINE_COLOUR, linewidth=0.8, linestyle=":")
     left = "" if len(slots) == len(wanted) else f", the first {len(slots)} of {len(wanted)} slots"
+    beside = ", columns side by side" if plan.hardware.drive.parallelism == "column" else ""
     ax.set_title(f"Tile {tile} ({made.kind}), steps {begin} to {begin + steps - 1}{left}: columns are read one by one, "
-                 "then pairs are written;\ndots joined by a line: row and column of a written device",
+                 f"then pairs are written{beside};\ndots joined by a line: row and column of a written device",
                  fontsize=9)  # fmt: skip
     ax.tick_params(length=0)
     return ax
@@ -133,12 +134,10 @@ def _draw_read(plan: Plan, point: Crosspoint, ax: Axes) -> None:
     """One row, one column, one device, and the numbers on the way."""
     network, hardware, tile = plan.network, plan.hardware, plan.tiles[point.tile]
     synapse, labels = network.synapses[point.synapse], network.labels()
-    device = hardware.devices[tile.kind]
     by_row = hardware.array.signs == "row_polarity"
     volts = hardware.read.voltage.value * (point.polarity if by_row else 1)
     current = volts * point.conductance
-    off = float(device.conductance(0.0)) if tile.subtracts_off else 0.0
-    weight = (point.conductance - off) / (float(device.conductance(1.0)) - off)
+    off, weight = tile.subtracts_off, _weight(plan, point, point.state)
     colour = INVERTED_COLOUR if point.polarity < 0 else EXCITATORY_COLOUR
     ax.plot([0.0, 5.4], [3.0, 3.0], color=LINE_COLOUR, linewidth=2)
     ax.plot([4.0, 4.0], [4.0, 0.3], color=LINE_COLOUR, linewidth=2)
@@ -149,7 +148,7 @@ def _draw_read(plan: Plan, point: Crosspoint, ax: Axes) -> None:
     delay = "in the next step" if point.tap == 1 else f"{point.tap} steps later: tap {point.tap} of its shift register"
     if hardware.array.delays == "retimed":
         delay = "when the skewed clock of its receiver comes to it"
-    formula = "(G − G_off) / (G_on − G_off)" if off else "G / G_on"
+    formula = "(G − G_off)\n        / (G_on − G_off)" if off else "G / G_on"
     time = hardware.read.duration.value
     sign = "−" if point.polarity < 0 else "+"
     words = [
@@ -169,6 +168,14 @@ def _draw_read(plan: Plan, point: Crosspoint, ax: Axes) -> None:
     ax.set(xlim=(-0.4, 7.6), ylim=(-1.0, 5.1))
     ax.set_title("How a spike becomes a current", fontsize=10)
     ax.axis("off")
+
+
+def _weight(plan: Plan, point: Crosspoint, state: float) -> float:
+    """As the periphery reads it."""
+    tile = plan.tiles[point.tile]
+    device = plan.hardware.devices[tile.kind]
+    off = float(device.conductance(0.0)) if tile.subtracts_off else 0.0
+    return (float(device.conductance(state)) - off) / (float(device.conductance(1.0)) - off)
 
 
 def _box(x: float, y: float, side: float) -> Any:
@@ -210,8 +217,8 @@ def _draw_write(plan: Plan, point: Crosspoint, ax: Axes) -> None:
     written = np.abs(seen) > threshold
     ax.fill_between(t, base, base + seen, where=list(written), color=UP, alpha=0.4, linewidth=0)
     done = pulse(device, point.state, 1, hardware)
-    before, after = float(device.weight(point.state)), float(device.weight(done.state))
-    ax.text(0.0, -3.0 * unit, f"Above the threshold: one event up. G/G_on goes from {before:.3g} to {after:.3g} "
+    before, after = (_weight(plan, point, state) for state in (point.state, done.state))
+    ax.text(0.0, -3.0 * unit, f"Above the threshold: one event up. W goes from {before:.3g} to {after:.3g} "
             f"in {format_quantity(done.duration, 's')}.\nThe other way round, receiver first, it is one event down.",
             fontsize=8, va="center")  # fmt: skip
     ax.set(xlim=(-0.1, t[-1] + 4.6), ylim=(-3.4 * unit, 4.1 * unit), yticks=[], xticks=range(last + 3))
