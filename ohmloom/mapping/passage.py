@@ -69,8 +69,7 @@ def pulse_duration(device: Device, hardware: Hardware) -> float | None:
         return drive.pulse_duration.value
     if drive.mode != "voltage":
         return None
-    middle = float(device.state_at_weight(INITIAL_WEIGHT))
-    return passage(device, middle, min(middle + 1.0 / MEM_LIFETIME, 1.0), hardware).duration
+    return _duration_at_half(device, drive.pulse_voltage.value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,12 +108,27 @@ def pulse(device: Device, state: float, sign: int, hardware: Hardware, share: fl
         after = float(device.state_at_flux(min(max(phi, 0.0), float(device.flux(1.0)))))
         energy = abs(volts * (after - state)) * device.charge_scale
         return Pulse(state=after, duration=duration, energy=energy)
+    law, p, q_d = LAWS[device.law], device._p, device.charge_scale
+
+    def slopes(s: float) -> tuple[float, float]:
+        """ds/dt and power: plain numbers, since a schedule asks for thousands."""
+        s = min(max(s, 0.0), 1.0)
+        i = float(law.conductance(s, volts, p)) * volts
+        return float(law.charge_rate(s, volts, i, p)) / q_d, volts * i
+
     h = duration / STAGES
     for _ in range(STAGES):
-        middle = min(max(after + 0.5 * h * float(_rate(device, after, volts)), 0.0), 1.0)
-        after = min(max(after + h * float(_rate(device, middle, volts)), 0.0), 1.0)
-        energy += h * volts**2 * float(device.conductance(middle, volts))
+        middle = after + 0.5 * h * slopes(after)[0]
+        rate, power = slopes(middle)
+        after = min(max(after + h * rate, 0.0), 1.0)
+        energy += h * power
     return Pulse(state=after, duration=duration, energy=energy)
+
+
+@lru_cache(maxsize=64)
+def _duration_at_half(device: Device, volts: float) -> float:
+    middle = float(device.state_at_weight(INITIAL_WEIGHT))
+    return _passage(device, middle, min(middle + 1.0 / MEM_LIFETIME, 1.0), volts, None).duration
 
 
 @lru_cache(maxsize=4096)
@@ -155,8 +169,3 @@ def _integrated(device: Device, ends: tuple[float, float], volts: float | None, 
     duration = quad(lambda s: 1.0 / float(rate(s)), start, end, limit=200)[0]
     energy = quad(lambda s: float(port(s)[0] * port(s)[1]) / float(rate(s)), start, end, limit=200)[0]
     return Passage(duration=float(duration), energy=float(energy), events=events)
-
-
-def _rate(device: Device, s: float, v: float) -> Any:
-    i = device.conductance(s, v) * v
-    return LAWS[device.law].charge_rate(s, v, i, device._p) / device.charge_scale

@@ -86,7 +86,7 @@ def crosspoints(network: Network, hardware: Hardware, tiles: Sequence[Tile]) -> 
                                "again.")  # fmt: skip
         taken.add(places[0])
         t, row, column = places[0]
-        state = _initial_state(network, devices[synapse.kind], tiles[t], k)
+        state = _initial_state(network, devices[synapse.kind], tiles[t].subtracts_off, k)
         found.append(Crosspoint(
             synapse=k, tile=t, row=row, column=column, polarity=sign,
             tap=0 if hardware.array.delays == "retimed" else network.delay(synapse), state=state,
@@ -243,16 +243,11 @@ def _demand(network: Network, hardware: Hardware, kind: str) -> tuple[list[int],
         used |= {(synapse.post, -sign)} if signs == "differential_pair" else set()
     lines = sorted(used, key=lambda line: (line[0], -line[1]))
     g = np.zeros((len(rows), len(lines)))
-    differential = Tile(kind=kind, card="", rows=(), columns=(), has_reference=False, is_differential=True)
     for k, synapse in members:
         i, sign = rows.index(synapse.pre), int(network.sign(synapse.pre))
         j = lines.index((synapse.post, 1 if signs == "row_polarity" else sign))
         # A programmed device stays where it is; a plastic one may get to G_on.
-        state = 1.0
-        if kind == "constant":
-            is_pair = signs == "differential_pair"
-            plain = Tile(kind=kind, card="", rows=(), columns=(), has_reference=reads_with_reference(kind))
-            state = _initial_state(network, device, differential if is_pair else plain, k)
+        state = _initial_state(network, device, True, k) if kind == "constant" else 1.0
         g[i, j] = float(device.conductance(state))
         if signs == "differential_pair":
             g[i, lines.index((synapse.post, -sign))] = float(device.conductance(0.0))
@@ -273,10 +268,10 @@ def _check_room(network: Network, hardware: Hardware, kind: str, has_reference: 
                                "array.")  # fmt: skip
 
 
-def _initial_state(network: Network, device: Device, tile: Tile, k: int) -> float:
+def _initial_state(network: Network, device: Device, subtracts_off: bool, k: int) -> float:
     synapse = network.synapses[k]
     g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
-    wanted = synapse.weight * (g_on - g_off) + g_off if tile.subtracts_off else synapse.weight * g_on
+    wanted = synapse.weight * (g_on - g_off) + g_off if subtracts_off else synapse.weight * g_on
     if wanted < g_off * (1.0 - WEIGHT_TOLERANCE):
         raise MappingError(
             f"{network.name}: synapses[{k}].weight: expected at least G_off/G_on = {g_off / g_on:g} of the card "

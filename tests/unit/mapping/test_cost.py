@@ -59,6 +59,29 @@ def test_energy_of_a_timestep_by_hand():
     assert cost.total(ENERGY) == pytest.approx(sum(line.total for line in found.values()))
 
 
+def test_a_short_history_counts_as_a_whole_timestep():
+    placed = plan()
+    whole = plan_cost(placed, pulse_schedule(placed, history((2, 0), (3, 6))))
+    third = plan_cost(placed, pulse_schedule(placed, history((2, 0), (3, 6))[:7]))
+    for name, line in items(whole, ENERGY).items():
+        share = 1.0 if name in ("shifted bits", "reads, in the senses") else 3.0
+        assert items(third, ENERGY)[name].total == pytest.approx(share * line.total)
+
+
+@pytest.mark.parametrize(("spec", "columns"), [("hp_1t1r", "read"), ("hp_passive", "all")])
+def test_a_selected_column_alone_takes_current_and_its_reference(spec, columns):
+    """Input 0 and its two programmed devices; without transistors each read drives both, and the reference, twice."""
+    network = Network(system="GA", hidden=("excitatory",) * 2,
+                      synapses=(Synapse(0, 6, "constant", 0.5), Synapse(0, 7, "constant", 1.0)))  # fmt: skip
+    placed = plan(spec, network)
+    spikes = np.zeros((21, network.neurons), dtype=bool)
+    spikes[2, 0] = True
+    found = items(plan_cost(placed, pulse_schedule(placed, spikes)), ENERGY)["reads, in the devices"].total
+    a, b, off = 50.5e-6, 100e-6, 1e-6
+    wanted = {"read": a + off + b + off, "all": 2 * (a + b + off)}[columns]
+    assert found == pytest.approx(0.01 * 100e-9 * wanted)
+
+
 def test_half_selected_devices_are_counted_where_all_lines_are_driven():
     placed = plan("hp_passive")
     cost = plan_cost(placed, pulse_schedule(placed, history((2, 0), (3, 6))))

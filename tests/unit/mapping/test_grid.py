@@ -106,3 +106,12 @@ def test_other_conductances_and_bad_tiles():
         tile_grid(placed, 1)
     with pytest.raises(ParameterError, match=r"tile_grid\.conductances: expected axes \(synapse="):
         tile_grid(placed, 0, conductances=[1e-6])
+
+
+def test_a_line_of_the_other_sign_is_forbidden():
+    placed = plan(signs="column_pair")
+    grid, tile = tile_grid(placed, 0), placed.tiles[0]
+    signs = [(HP.sign(pre), sign) for pre in tile.rows for sign in tile.column_signs]
+    cells = grid.cell.ravel().tolist()
+    assert {(a == b) for (a, b), cell in zip(signs, cells, strict=True) if cell in (SYNAPSE, DISABLED)} == {True}
+    assert any(a != b for a, b in signs)

@@ -160,3 +160,11 @@ def test_a_driver_that_cannot_carry_a_pulse_is_named():
     with pytest.raises(MappingError, match=text):
         place(HP, spec(drive=weak))
     place(GA, spec(drive=weak))  # programmed devices get no pulse
+
+
+def test_a_current_that_needs_too_much_voltage_is_named():
+    """HP in normalised units: 0.00099 C in 0.5 ms is 1.98 A, through 1 ohm at W = G_off/G_on."""
+    volts = {"compliance_voltage": Quantity(value=1.9, source="definition")}
+    with pytest.raises(MappingError, match=r"drive\.compliance_voltage: expected at least 1\.98 V, .* got 1\.9 V"):
+        place(HP, spec("ideal", drive=volts))
+    place(HP, spec("ideal", drive={"compliance_voltage": Quantity(value=2.0, source="definition")}))

@@ -21,7 +21,9 @@ def test_from_off_takes_the_flux_of_the_law():
     s = HP.crosspoints[0].state
     wanted = q_d * (r_off * s - (r_off - r_on) * s * s / 2) / 1.0
     # The closed form of the same integral; rounding only.
-    assert plan_reset(HP).devices[0].from_off == pytest.approx(wanted, rel=1e-9)
+    device = plan_reset(HP).devices[0]
+    assert device.from_off == pytest.approx(wanted, rel=1e-9)
+    assert device.duration == pytest.approx(wanted + 990 * 100e-9, rel=1e-9)  # a read after every pulse
 
 
 def test_the_end_that_takes_longer_is_counted():
@@ -110,3 +112,24 @@ def test_what_a_drive_cannot_reach_takes_for_ever():
     assert (
         passage(hardware.devices["peo_pani"], 0.1, 0.9, hardware.model_copy(update={"drive": weak})).duration == np.inf
     )
+
+
+def test_a_current_carries_its_charge_through_the_mean_resistance():
+    hardware = Hardware.load("ideal")
+    device = hardware.devices["hp"]
+    way = passage(device, 0.2, 0.4, hardware)
+    current = device.charge_scale / 1000 / 0.0005
+    assert way.duration == pytest.approx(0.2 * 1000 * 0.0005)
+    # M is linear in s, so its mean is that at s = 0.3.
+    assert way.energy == pytest.approx(current**2 * way.duration * float(device.memristance(0.3)))
+
+
+@pytest.mark.parametrize("spec", ["ideal", "hp_passive"])
+def test_a_part_of_a_pulse_moves_a_part_as_far(spec):
+    hardware = Hardware.load(spec)
+    device = hardware.devices["hp"]
+    whole, half = (pulse(device, 0.3, 1, hardware, share) for share in (1.0, 0.5))
+    assert half.duration == whole.duration / 2
+    # Over half an event M changes by less than a thousandth.
+    assert half.state - 0.3 == pytest.approx((whole.state - 0.3) / 2, rel=1e-3)
+    assert half.energy == pytest.approx(whole.energy / 2, rel=1e-3)
