@@ -126,7 +126,7 @@ _flux = build_flux([law.flux or no_flux for law in LAWS.values()])
 _state_at_flux = build_state_at_flux(
     [(law.state_at_flux if name in CLOSED_INVERSES else None) or no_flux for name, law in LAWS.items()]
 )
-_metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate, "laws")
+_metered_pulse, _current_pulse, _voltage_pulse = build_pulses(_conductance, _charge_rate, "laws")
 
 
 @kernel
@@ -175,4 +175,14 @@ def current_pulse(
     Returns (s at the end, energy in J, largest abs(v) in V).
     """
     result: tuple[float, float, float] = _current_pulse(law_index, s, p, q_d, current, duration)
+    return result
+
+
+@kernel
+def voltage_pulse(law_index: int, s: float, p: Any, q_d: float, voltage: float, duration: float) -> tuple[float, float]:
+    """Hold `voltage` [V], of either sign, for `duration` [s].
+
+    Returns (s at the end, transported charge in C).
+    """
+    result: tuple[float, float] = _voltage_pulse(law_index, s, p, q_d, voltage, duration)
     return result

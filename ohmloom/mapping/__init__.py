@@ -1,8 +1,9 @@
 """Network to hardware: specs, placement, waveforms, dies, and the emulated controller."""
 
 from ohmloom.mapping.die import Die
-from ohmloom.mapping.emulated import EmulatedController, Ledger
+from ohmloom.mapping.emulated import EmulatedController
 from ohmloom.mapping.hardware import Hardware
+from ohmloom.mapping.ledger import Ledger
 from ohmloom.mapping.plan import Crosspoint, Plan, Tile, place
 from ohmloom.mapping.quantity import Quantity
 from ohmloom.mapping.waveform import WAVEFORMS, Waveform, event_table

@@ -1,0 +1,202 @@
+"""An array with wires: what a column reads per volt on every row, and what every cell sees while all lines are driven."""
+
+from __future__ import annotations
+
+from ohmloom._arrays import FloatArray
+from ohmloom._jit import inner_kernel
+from ohmloom.circuits._crossbar_kernels import solve_potentials
+from ohmloom.devices._kernels import conductance, voltage_pulse
+from ohmloom.mapping._cell_kernels import INTEGRATED, count_events, event_size, refresh
+from ohmloom.mapping._fabric import (
+    CHARGE_TOTAL,
+    COLUMN_LINE,
+    HALF_BOTH,
+    HALF_COLUMN,
+    HALF_ROW,
+    PROGRAM_ENERGY,
+    ROW,
+    Fabric,
+    FabricState,
+    LineState,
+    Wires,
+)
+
+TOLERANCE = 1e-11  # of the energy norm: read errors of one in a million keep four digits
+IDLE = 1e-15  # [V] below which a cell sees nothing
+
+
+@inner_kernel
+def fill_grid(f: Fabric, s: FabricState, t: int) -> None:
+    """Conductances of a tile by line."""
+    grid, still, wires = s.lines.grid[t], f.wires.still[t], f.wires
+    for i in range(grid.shape[0]):
+        for j in range(grid.shape[1]):
+            grid[i, j] = still[i, j]
+    for place in range(wires.first_cell[t], wires.first_cell[t + 1]):
+        k = wires.of_tile[place]
+        grid[f.cells[k]["row"], f.cells[k]["column"]] = s.cells[k]["g"]
+
+
+@inner_kernel
+def _solve(wires: Wires, lines: LineState, g: FloatArray, u: FloatArray) -> int:
+    """Potentials for the lines' voltages; 1 if they did not converge."""
+    rows, columns = (wires.r_row, wires.near, wires.open_row), (wires.r_column, wires.open_column, wires.far)
+    rounds = solve_potentials(
+        g, lines.source, rows, columns, lines.v_row, lines.v_column, u, lines.w, lines.work, TOLERANCE, True
+    )
+    return 1 if rounds < 0 else 0
+
+
+@inner_kernel
+def find_transfer(f: Fabric, s: FabricState, t: int) -> None:
+    """Current into each bit line per volt on each word line; by reciprocity, one solve a bit line."""
+    fill_grid(f, s, t)
+    wires, lines = f.wires, s.lines
+    grid, transfer, w = lines.grid[t], lines.transfer[t], lines.w
+    lines.v_row[:] = 0.0
+    for column in range(grid.shape[1]):
+        if wires.column_neuron[t, column] < 0 and wires.reference_column[t] != column:
+            continue
+        lines.v_column[:] = 0.0
+        lines.v_column[column] = 1.0
+        u = lines.u[t, column]
+        s.clock[1] += _solve(wires, lines, grid, u)
+        for i in range(grid.shape[0]):
+            current = 0.0
+            for j in range(grid.shape[1]):
+                current += grid[i, j] * (w[i, j] - u[i, j])
+            transfer[i, column] = current
+    s.is_stale[t] = False
+
+
+@inner_kernel
+def read_wired(f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
+    """Weighted sum of receiver `j` through the wires, the sum of its squares, and the conductance that its rows drive."""
+    wires, ring = f.wires, s.ring
+    mask = ring.shape[0] - 1
+    total, squares, conducting = 0.0, 0.0, 0.0
+    for line in range(wires.reads[j], wires.reads[j + 1]):
+        t, column = wires.read_line[line, 0], wires.read_line[line, 1]
+        if s.is_stale[t]:
+            find_transfer(f, s, t)
+        reference, transfer, tile = wires.reference_column[t], s.lines.transfer[t], f.tiles[t]
+        sign = tile["gain"] * wires.column_sign[t, column] / (tile["g_on"] - tile["reference"])
+        for i in range(transfer.shape[0]):
+            pre = wires.row_neuron[t, i]
+            if pre < 0:
+                continue
+            sent = now - wires.tap[pre, j]
+            if sent >= 0 and ring[sent & mask, pre]:
+                g = transfer[i, column]
+                subtracted = transfer[i, reference] if reference >= 0 else 0.0
+                part = sign * wires.row_polarity[t, i] * (g - subtracted)
+                total += part
+                squares += part * part
+                conducting += g + subtracted
+    return total, squares, conducting
+
+
+@inner_kernel
+def _hold_lines(f: Fabric, s: FabricState, t: int, phase: int) -> bool:
+    """Put the levels of a phase on all lines; whether any is other than 0."""
+    wires, v_row, v_column = f.wires, s.lines.v_row, s.lines.v_column
+    unit = f.constants[0]["pulse_voltage"] / f.constants[0]["event_level"]
+    is_driven = False
+    for i in range(v_row.shape[0]):
+        neuron = wires.row_neuron[t, i]
+        v_row[i] = unit * f.levels[phase, ROW, s.neurons[neuron]["ls"]] if neuron >= 0 else 0.0
+        is_driven |= v_row[i] != 0.0
+    for j in range(v_column.shape[0]):
+        neuron = wires.column_neuron[t, j]
+        v_column[j] = unit * f.levels[phase, COLUMN_LINE, s.neurons[neuron]["ls"]] if neuron >= 0 else 0.0
+        is_driven |= v_column[j] != 0.0
+    return is_driven
+
+
+@inner_kernel
+def program_tile(f: Fabric, s: FabricState, t: int) -> None:
+    """All lines of a tile at once; `fired` says which cells switched, and in which direction.
+
+    A cell that switches takes the flux that it sees in the middle of its pulse, which costs a second solve and is of
+    second order; whether it switches is decided by the voltage at the start.
+    """
+    wires, lines = f.wires, s.lines
+    fired, w, grid = lines.fired, lines.w, lines.grid[t]
+    first, last = wires.first_cell[t], wires.first_cell[t + 1]
+    fill_grid(f, s, t)
+    for phase in range(f.phase.shape[0]):
+        for place in range(first, last):
+            fired[phase, wires.of_tile[place]] = 0
+        if not _hold_lines(f, s, t, phase):
+            continue
+        u, duration = lines.u_program[t, phase], f.tiles[t]["duration"] * f.phase[phase]
+        s.clock[1] += _solve(wires, lines, grid, u)
+        any_fired = False
+        for place in range(first, last):
+            k = wires.of_tile[place]
+            cell = f.cells[k]
+            v = w[cell["row"], cell["column"]] - u[cell["row"], cell["column"]]
+            if cell["is_live"] and abs(v) > cell["threshold"]:
+                fired[phase, k] = 1 if v > 0.0 else -1
+                any_fired = True
+            elif abs(v) > IDLE:
+                s.total[PROGRAM_ENERGY] += v * v * s.cells[k]["g"] * duration
+                half_select(f, s, k, phase, 1 if v > 0.0 else -1)
+        if any_fired:
+            _advance(f, s, t, phase, u)
+            fill_grid(f, s, t)
+
+
+@inner_kernel
+def _advance(f: Fabric, s: FabricState, t: int, phase: int, u: FloatArray) -> None:
+    wires, lines, width = f.wires, s.lines, f.phase[phase]
+    fired, w, grid, middle = lines.fired, lines.w, lines.grid[t], lines.middle
+    for i in range(grid.shape[0]):
+        for j in range(grid.shape[1]):
+            middle[i, j] = grid[i, j]
+    for place in range(wires.first_cell[t], wires.first_cell[t + 1]):
+        k = wires.of_tile[place]
+        if fired[phase, k] != 0:
+            now, i, j = s.cells[k], f.cells[k]["row"], f.cells[k]["column"]
+            before, origin, count = now["s"], now["origin"], now["count"]
+            _move(f, s, k, w[i, j] - u[i, j], 0.5 * width * event_size(f, s, k, fired[phase, k]))
+            middle[i, j] = conductance(f.tiles[t]["law"], now["s"], 0.0, f.parameters[t])
+            now["s"], now["origin"], now["count"] = before, origin, count
+    s.clock[1] += _solve(wires, lines, middle, u)
+    for place in range(wires.first_cell[t], wires.first_cell[t + 1]):
+        k = wires.of_tile[place]
+        if fired[phase, k] != 0:
+            i, j = f.cells[k]["row"], f.cells[k]["column"]
+            v = w[i, j] - u[i, j]
+            charge = _move(f, s, k, v, width * event_size(f, s, k, fired[phase, k]))
+            refresh(f, s, k)
+            s.total[CHARGE_TOTAL] += charge
+            s.total[PROGRAM_ENERGY] += charge * abs(v)
+
+
+@inner_kernel
+def _move(f: Fabric, s: FabricState, k: int, v: float, size: float) -> float:
+    """Hold `v` over a cell for `size` pulses; the charge that passes [C]."""
+    now, t = s.cells[k], f.cells[k]["tile"]
+    tile, p = f.tiles[t], f.parameters[t]
+    if tile["family"] == INTEGRATED:
+        after, charge = voltage_pulse(tile["law"], now["s"], p, tile["charge_scale"], v, tile["duration"] * size)
+        now["s"] = min(max(after, 0.0), 1.0)
+        now["origin"], now["count"] = now["s"], 0.0
+        return abs(charge)
+    before = conductance(tile["law"], now["s"], 0.0, p)
+    count_events(f, s, k, v / f.constants[0]["pulse_voltage"] * size)
+    after = conductance(tile["law"], now["s"], 0.0, p)
+    return 0.5 * (before + after) * abs(v) * tile["duration"] * size
+
+
+@inner_kernel
+def half_select(f: Fabric, s: FabricState, k: int, phase: int, sign: int) -> None:
+    """Enter a pulse below the threshold, and what it does."""
+    cell = f.cells[k]
+    row = f.levels[phase, ROW, s.neurons[cell["sender"]]["ls"]] != 0.0
+    column = f.levels[phase, COLUMN_LINE, s.neurons[cell["receiver"]]["ls"]] != 0.0
+    s.total[HALF_BOTH if row and column else HALF_ROW if row else HALF_COLUMN] += 1
+    if f.constants[0]["half_select"] > 0.0 and cell["is_live"]:
+        count_events(f, s, k, sign * f.constants[0]["half_select"])
+        refresh(f, s, k)
