@@ -16,8 +16,6 @@ from ohmloom.mapping._fabric import (
     VOLTAGE,
     AnyPulses,
     ClosedPulses,
-    Fabric,
-    FabricState,
 )
 
 INTEGRATED = 2  # beside CHARGE and FLUX: a law without a closed form, or one that is checked against it
@@ -26,48 +24,39 @@ STILL = 1e-16  # a change of s that is none
 
 
 @inlined_kernel
-def refresh(f: Fabric, s: FabricState, k: int) -> None:
+def refresh(cell: Any, now: Any, tile: Any) -> None:
     """Conductance and weight of a live cell from its state."""
-    cell, now = f.cells[k], s.cells[k]
-    t = cell["tile"]
-    tile = f.tiles[t]
-    g = conductance(tile["law"], now["s"], 0.0, f.parameters[t])
-    now["g"] = g
+    g = conductance(tile["law"], now["s"], 0.0, tile["parameters"])
+    now["g"], now["load"] = g, g + tile["reference"]
     now["weight"] = cell["polarity"] * tile["gain"] * read_weight(g, tile["reference"], tile["g_on"])
-    s.is_stale[t] = True
 
 
 @inner_kernel
-def place_at(f: Fabric, s: FabricState, k: int, state: float) -> None:
+def place_at(cell: Any, now: Any, tile: Any, state: float) -> None:
     """Put a live cell into a state that no count of events reaches."""
-    now, t = s.cells[k], f.cells[k]["tile"]
-    tile = f.tiles[t]
     now["s"] = min(max(state, 0.0), 1.0)
     now["count"] = 0.0
-    now["origin"] = flux(tile["law"], now["s"], f.parameters[t]) if tile["family"] == FLUX else now["s"]
-    refresh(f, s, k)
+    now["origin"] = flux(tile["law"], now["s"], tile["parameters"]) if tile["family"] == FLUX else now["s"]
+    refresh(cell, now, tile)
 
 
 @inlined_kernel
-def event_size(f: Fabric, s: FabricState, k: int, sign: int) -> float:
+def event_size(cell: Any, now: Any, constants: Any, sign: int) -> float:
     """Size of the next event of a cell, 1 nominally."""
-    constants = f.constants[0]
-    size = f.cells[k]["factor"] * (1.0 + sign * constants["asymmetry"])
+    size = cell["factor"] * (1.0 + sign * constants["asymmetry"])
     if constants["cycle_to_cycle"] > 0.0:
-        noise = normal(constants["cycle_key"], f.cells[k]["number"], s.cells[k]["pulses"])
+        noise = normal(constants["cycle_key"], cell["number"], now["pulses"])
         size *= max(1.0 + constants["cycle_to_cycle"] * noise, 0.0)
     return size
 
 
 @inlined_kernel
-def count_events(f: Fabric, s: FabricState, k: int, events: float) -> None:
+def count_events(now: Any, tile: Any, events: float) -> None:
     """Move a cell by a number of events in its tile's coordinate."""
-    now, t = s.cells[k], f.cells[k]["tile"]
-    tile = f.tiles[t]
     family = CHARGE if tile["family"] == INTEGRATED else tile["family"]
     now["s"], now["origin"], now["count"] = event_state(
-        tile["law"], family, now["origin"], now["count"] + events, tile["event_flux"], f.parameters[t], tile["bottom"],
-        tile["top"],
+        tile["law"], family, now["origin"], now["count"] + events, tile["event_flux"], tile["parameters"],
+        tile["bottom"], tile["top"],
     )  # fmt: skip
 
 
@@ -97,23 +86,21 @@ def state_behind(law: int, p: Any, q_d: float, s: float, series: float, phi: flo
 
 @inlined_kernel
 def closed_pulse(
-    f: Fabric, s: FabricState, k: int, sign: int, strength: float, width: float
+    cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
     """One pulse on a selected cell of an ideal law; (duration in s, charge in C, energy in J), sizes."""
-    now, constants, t = s.cells[k], f.constants[0], f.cells[k]["tile"]
-    tile, p, series = f.tiles[t], f.parameters[t], f.cells[k]["series"]
+    p, series = tile["parameters"], cell["series"]
     law, q_d, mode = tile["law"], tile["charge_scale"], constants["mode"]
     before, voltage = now["s"], strength * constants["pulse_voltage"]
-    size = event_size(f, s, k, sign) * width
+    size = event_size(cell, now, constants, sign) * width
     if mode == EXACT_WIDTH:
-        return exact_width(f, s, k, sign, size, voltage)
-    start = flux(law, before, p)
+        return exact_width(cell, now, tile, sign, size, voltage)
     if mode == VOLTAGE:
-        applied = size * strength * tile["event_flux"]
+        start, applied = flux(law, before, p), size * strength * tile["event_flux"]
         if series == 0.0:
-            count_events(f, s, k, sign * size * strength)
+            count_events(now, tile, sign * size * strength)
         else:
-            place_at(f, s, k, state_behind(law, p, q_d, before, series, sign * applied))
+            place_at(cell, now, tile, state_behind(law, p, q_d, before, series, sign * applied))
         charge = abs(now["s"] - before) * q_d
         g = conductance(law, now["s"], 0.0, p)
         rest = applied - abs(flux(law, now["s"], p) - start) - series * charge
@@ -122,17 +109,20 @@ def closed_pulse(
             charge += rest * g / (1.0 + series * g)
         return tile["duration"] * width, charge, voltage * charge
     charge = size * q_d / MEM_LIFETIME
-    count_events(f, s, k, sign * size)
+    count_events(now, tile, sign * size)
     inside = abs(now["s"] - before) * q_d
     g = conductance(law, now["s"], 0.0, p)
-    passed = abs(flux(law, now["s"], p) - start) + max(charge - inside, 0.0) / g + series * charge
+    # Flux: the integral of M over the charge by Simpson's rule, exact where M is linear in it; the state is exact anyway.
+    middle = conductance(law, 0.5 * (before + now["s"]), 0.0, p)
+    passed = (1.0 / now["g"] + 4.0 / middle + 1.0 / g) / 6.0 * inside
+    passed += max(charge - inside, 0.0) / g + series * charge
     if mode == CURRENT:
         duration = tile["duration"] * width
         return duration, charge, passed * charge / duration
     duration = passed / voltage
     if constants["metering_delay"] > 0.0:
         more = constants["metering_delay"] * duration * voltage * g / (1.0 + series * g)
-        count_events(f, s, k, sign * more * MEM_LIFETIME / q_d)
+        count_events(now, tile, sign * more * MEM_LIFETIME / q_d)
         charge += more
         duration *= 1.0 + constants["metering_delay"]
     return duration, charge, voltage * charge
@@ -140,28 +130,26 @@ def closed_pulse(
 
 @inner_kernel
 def exact_width(
-    f: Fabric, s: FabricState, k: int, sign: int, size: float, voltage: float
+    cell: Any, now: Any, tile: Any, sign: int, size: float, voltage: float
 ) -> tuple[float, float, float]:
     """The driver applies the flux that takes the state it believes in to the next; the cell takes that flux."""
-    now, t = s.cells[k], f.cells[k]["tile"]
-    tile, p, series, before = f.tiles[t], f.parameters[t], f.cells[k]["series"], now["s"]
+    p, series, before = tile["parameters"], cell["series"], now["s"]
     law, q_d = tile["law"], tile["charge_scale"]
     knows = now["belief_origin"] == now["origin"] and now["belief_count"] == now["count"] and size == 1.0
-    taken, wanted = believe(f, s, k, sign)
+    taken, wanted = believe(now, tile, sign)
     applied = abs(flux(law, wanted, p) - flux(law, taken, p)) + series * q_d * abs(wanted - taken)
     if knows:
         now["s"], now["origin"], now["count"] = wanted, now["belief_origin"], now["belief_count"]
     else:
-        place_at(f, s, k, state_behind(law, p, q_d, before, series, sign * size * applied))
+        place_at(cell, now, tile, state_behind(law, p, q_d, before, series, sign * size * applied))
     charge = abs(now["s"] - before) * q_d
     return applied / voltage, charge, voltage * charge
 
 
 @inner_kernel
-def believe(f: Fabric, s: FabricState, k: int, sign: int) -> tuple[float, float]:
+def believe(now: Any, tile: Any, sign: int) -> tuple[float, float]:
     """States that an exact-width driver takes for true before and after an event; the latter becomes its belief."""
-    now, t = s.cells[k], f.cells[k]["tile"]
-    law, p = f.tiles[t]["law"], f.parameters[t]
+    law, p = tile["law"], tile["parameters"]
     taken, _, _ = event_state(law, CHARGE, now["belief_origin"], now["belief_count"], 0.0, p, 0.0, 1.0)
     wanted, now["belief_origin"], now["belief_count"] = event_state(
         law, CHARGE, now["belief_origin"], now["belief_count"] + sign, 0.0, p, 0.0, 1.0
@@ -171,14 +159,13 @@ def believe(f: Fabric, s: FabricState, k: int, sign: int) -> tuple[float, float]
 
 @inner_kernel
 def integrated_pulse(
-    f: Fabric, s: FabricState, k: int, sign: int, strength: float, width: float
+    cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
     """The same by integrating the law's own state equation, for any law; wires enter by the voltage they leave at first."""
-    now, constants, t = s.cells[k], f.constants[0], f.cells[k]["tile"]
-    tile, p, before = f.tiles[t], f.parameters[t], now["s"]
+    p, before = tile["parameters"], now["s"]
     law, q_d, mode = tile["law"], tile["charge_scale"], constants["mode"]
-    size = event_size(f, s, k, sign) * width
-    left = strength * constants["pulse_voltage"] / (1.0 + f.cells[k]["series"] * now["g"])
+    size = event_size(cell, now, constants, sign) * width
+    left = strength * constants["pulse_voltage"] / (1.0 + cell["series"] * now["g"])
     if mode == CHARGE_METERED:
         charge = size * q_d / MEM_LIFETIME
         after, duration, _ = metered_pulse(law, before, p, q_d, sign * left, sign * charge)
@@ -194,7 +181,7 @@ def integrated_pulse(
     else:
         duration = tile["duration"] * size
         if mode == EXACT_WIDTH:
-            taken, wanted = believe(f, s, k, sign)
+            taken, wanted = believe(now, tile, sign)
             duration = abs(flux(law, wanted, p) - flux(law, taken, p)) / left * size
         after, charge = voltage_pulse(law, before, p, q_d, sign * left, duration)
         charge = abs(charge)
@@ -207,24 +194,24 @@ def integrated_pulse(
 
 
 def write_pulse(
-    pulses: Any, f: Fabric, s: FabricState, k: int, sign: int, strength: float, width: float
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
     """The pulse of a fabric in which all laws have closed forms, or of any."""
-    return _PULSES[type(pulses)](pulses, f, s, k, sign, strength, width)
+    return _PULSES[type(pulses)](pulses, cell, now, tile, constants, sign, strength, width)
 
 
 def _write_closed(
-    pulses: Any, f: Fabric, s: FabricState, k: int, sign: int, strength: float, width: float
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
-    return closed_pulse(f, s, k, sign, strength, width)
+    return closed_pulse(cell, now, tile, constants, sign, strength, width)
 
 
 def _write_any(
-    pulses: Any, f: Fabric, s: FabricState, k: int, sign: int, strength: float, width: float
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
-    if f.tiles[f.cells[k]["tile"]]["family"] == INTEGRATED:
-        return integrated_pulse(f, s, k, sign, strength, width)
-    return closed_pulse(f, s, k, sign, strength, width)
+    if tile["family"] == INTEGRATED:
+        return integrated_pulse(cell, now, tile, constants, sign, strength, width)
+    return closed_pulse(cell, now, tile, constants, sign, strength, width)
 
 
 _PULSES: dict[type, Callable[..., tuple[float, float, float]]] = {ClosedPulses: _write_closed, AnyPulses: _write_any}

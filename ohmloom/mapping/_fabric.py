@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray
+from ohmloom.devices.laws import LAWS
 
 BoolArray = npt.NDArray[np.bool_]
 CELL, COLUMN, ARRAY = 0, 1, 2
@@ -25,6 +26,8 @@ WANTED_UP, WANTED_DOWN, MAY_FIRE = 1, 2, 4
     DISABLED_EVENTS, HALF_ROW, HALF_COLUMN, HALF_BOTH,
 ) = range(15)  # fmt: skip
 TOTALS = 15
+# Entries of FabricState.clock: the step, solves that did not converge, whether anything is programmed in this step.
+STEP, FAILED, BUSY_LINES = 0, 1, 2
 
 
 # What is read together lies together: one record a cell, tile, neuron. Kernels take few arrays, since numba copies every
@@ -52,6 +55,7 @@ CELL_STATE = np.dtype([
     ("count", "f8"),  # events since
     ("belief_origin", "f8"), ("belief_count", "f8"),  # what an exact-width driver takes for true
     ("g", "f8"),  # [S]
+    ("load", "f8"),  # [S] that a read drives, reference included
     ("weight", "f8"),  # as read, with its polarity and its tile's gain
     ("pulses", "i8"),
 ])  # fmt: skip
@@ -65,6 +69,8 @@ TILE_FIELDS = np.dtype([
     ("event_flux", "f8"),  # [Wb] of one pulse of fixed voltage
     ("duration", "f8"),  # [s] of one pulse of fixed duration
     ("bottom", "f8"), ("top", "f8"),  # coordinates of s = 0 and s = 1
+    # Of the law; inside the record, since an array of its own would be reference-counted at every use.
+    ("parameters", "f8", (max(len(law.parameters) for law in LAWS.values()),)),
 ])  # fmt: skip
 NEURON_FIELDS = np.dtype([
     ("a", "f8"), ("b", "f8"), ("y_thresh", "f8"), ("offset", "f8"),
@@ -93,7 +99,6 @@ class Fabric(NamedTuple):
     cells: npt.NDArray[np.void]  # (cell,)
     starts: IntArray  # (receiver + 1,) cells of each receiver
     tiles: npt.NDArray[np.void]  # (tile,)
-    parameters: FloatArray  # (tile, parameter) of its law
     neurons: npt.NDArray[np.void]  # (neuron,)
     constants: npt.NDArray[np.void]  # (1,)
     table: npt.NDArray[np.int8]  # (ls_pre, ls_post) WANTED_UP | WANTED_DOWN | MAY_FIRE
@@ -178,8 +183,8 @@ class FabricState(NamedTuple):
 
     cells: npt.NDArray[np.void]  # (cell,)
     neurons: npt.NDArray[np.void]  # (neuron,)
-    ring: BoolArray  # (slot, neuron) shift registers of the rows; slots are a power of two
-    clock: IntArray  # [step, solves that did not converge]
+    ring: FloatArray  # (slot, neuron) 1 for a spike: shift registers of the rows; slots are a power of two
+    clock: IntArray  # [STEP, FAILED, BUSY_LINES]
     busy: FloatArray  # (tile, column, sign) programming time of this step [s]
     total: FloatArray  # (TOTALS,)
     is_stale: BoolArray  # (tile,) whether what columns read through wires is of other conductances
@@ -204,7 +209,7 @@ def empty_state(f: Fabric, *, slots: int, columns: int, scratch: int) -> FabricS
         )  # fmt: skip
     return FabricState(
         cells=np.zeros(cells, dtype=CELL_STATE), neurons=np.zeros(n, dtype=NEURON_STATE),
-        ring=np.zeros((size, n), dtype=np.bool_), clock=np.zeros(2, dtype=np.int64),
+        ring=np.zeros((size, n)), clock=np.zeros(3, dtype=np.int64),
         busy=np.zeros((tiles, columns, 2)), total=np.zeros(TOTALS),
         is_stale=np.ones(tiles, dtype=np.bool_), lines=lines,
     )  # fmt: skip

@@ -18,11 +18,13 @@ from ohmloom.mapping._cell_kernels import count_events, place_at, refresh, write
 from ohmloom.mapping._fabric import (
     ARRAY,
     BUSY,
+    BUSY_LINES,
     CHARGE_TOTAL,
     COLUMN,
     COLUMN_LINE,
     DISABLED_EVENTS,
     EVENTS,
+    FAILED,
     IDEAL,
     LOST,
     MAY_FIRE,
@@ -31,6 +33,7 @@ from ohmloom.mapping._fabric import (
     ROW,
     SPIKES,
     SPURIOUS,
+    STEP,
     STEPS_DONE,
     WANTED_DOWN,
     WANTED_UP,
@@ -52,8 +55,8 @@ def reset_activity(f: Fabric, s: FabricState) -> None:
     for j in range(s.neurons.shape[0]):
         s.neurons[j]["y"] = f.constants[0]["c_ini"]
         s.neurons[j]["ls"] = 0
-    s.ring[:] = False
-    s.clock[0] = 0
+    s.ring[:] = 0.0
+    s.clock[STEP] = 0
 
 
 @kernel
@@ -61,19 +64,19 @@ def reset(f: Fabric, s: FabricState) -> None:
     """Every device back to its programmed state; the ledger too."""
     reset_activity(f, s)
     for k in range(f.cells.shape[0]):
-        cell, now = f.cells[k], s.cells[k]
+        cell, now, tile = f.cells[k], s.cells[k], f.tiles[f.cells[k]["tile"]]
         now["s"], now["origin"], now["count"] = cell["first_s"], cell["first_origin"], 0.0
         now["belief_origin"], now["belief_count"] = cell["first_belief"], 0.0
         now["pulses"] = 0
         if cell["is_live"]:
-            refresh(f, s, k)
+            refresh(cell, now, tile)
         else:
-            tile = f.tiles[cell["tile"]]
-            now["g"] = cell["fixed_g"]
-            now["weight"] = cell["polarity"] * tile["gain"] * read_weight(now["g"], tile["reference"], tile["g_on"])
+            g = cell["fixed_g"]
+            now["g"], now["load"] = g, g + tile["reference"]
+            now["weight"] = cell["polarity"] * tile["gain"] * read_weight(g, tile["reference"], tile["g_on"])
     s.is_stale[:] = True
     s.total[:] = 0.0
-    s.clock[1] = 0
+    s.clock[FAILED] = 0
     _reset_lines(s.lines)
 
 
@@ -84,25 +87,27 @@ def age(f: Fabric, s: FabricState) -> None:
     if decay != 1.0:
         for k in range(f.cells.shape[0]):
             if f.cells[k]["is_live"]:
-                place_at(f, s, k, s.cells[k]["s"] * decay)
+                place_at(f.cells[k], s.cells[k], f.tiles[f.cells[k]["tile"]], s.cells[k]["s"] * decay)
+        s.is_stale[:] = True
 
 
 @inlined_kernel
-def read_column(f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
+def read_column(
+    starts: IntArray, cells: Any, state: Any, ring: FloatArray, j: int, now: int
+) -> tuple[float, float, float]:
     """Column-serial read of one receiver without wires: weighted sum, sum of its squares, conductance that its rows drive.
 
-    A row is driven if the tap of its shift register holds a spike.
+    A row is driven if the tap of its shift register holds a spike. Adding 0 for the others changes no bit of the sum,
+    and costs less than asking.
     """
-    cells, state, ring, tiles = f.cells, s.cells, s.ring, f.tiles
     mask = ring.shape[0] - 1
     total, squares, conducting = 0.0, 0.0, 0.0
-    for k in range(f.starts[j], f.starts[j + 1]):
-        sent = now - cells[k]["tap"]
-        if sent >= 0 and ring[sent & mask, cells[k]["sender"]]:
-            w = state[k]["weight"]
-            total += w
-            squares += w * w
-            conducting += state[k]["g"] + tiles[cells[k]["tile"]]["reference"]
+    for k in range(starts[j], starts[j + 1]):
+        spike = ring[(now - cells[k]["tap"]) & mask, cells[k]["sender"]]
+        part = spike * state[k]["weight"]
+        total += part
+        squares += part * part
+        conducting += spike * state[k]["load"]
     return total, squares, conducting
 
 
@@ -112,16 +117,16 @@ def disturb(f: Fabric, s: FabricState, now: int) -> None:
     part, mask = f.constants[0]["read_disturb"], s.ring.shape[0] - 1
     for k in range(f.cells.shape[0]):
         cell = f.cells[k]
-        sent = now - cell["tap"]
-        if cell["is_live"] and sent >= 0 and s.ring[sent & mask, cell["sender"]]:
-            count_events(f, s, k, -part if cell["polarity"] > 0.0 else part)
-            refresh(f, s, k)
+        if cell["is_live"] and s.ring[(now - cell["tap"]) & mask, cell["sender"]] > 0.0:
+            tile = f.tiles[cell["tile"]]
+            count_events(s.cells[k], tile, -part if cell["polarity"] > 0.0 else part)
+            refresh(cell, s.cells[k], tile)
+            s.is_stale[cell["tile"]] = True
 
 
 @inlined_kernel
-def sense(f: Fabric, j: int, read: int, total: float, squares: float) -> float:
+def sense(constants: Any, neuron: Any, j: int, read: int, total: float, squares: float) -> float:
     """What the periphery makes of a column's current: settling, offset, noise, converter."""
-    constants, neuron = f.constants[0], f.neurons[j]
     total = total * constants["settled"] + neuron["offset"]
     if constants["read_noise"] > 0.0:
         total += constants["read_noise"] * math.sqrt(squares) * normal(constants["read_key"], j, read)
@@ -148,48 +153,63 @@ def judge(is_synapse: bool, asked: int, written: float, total: FloatArray) -> in
 
 
 @inlined_kernel
-def write_cell(f: Fabric, s: FabricState, k: int, pre: int, post: int) -> float:
+def write_cell(
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, phase: FloatArray, levels: FloatArray, pre: int,
+    post: int, busy: FloatArray, total: FloatArray,
+) -> float:  # fmt: skip
     """All phases on one cell that sees the voltage of its lines; the signed part of an event that was written."""
-    cell, now, constants = f.cells[k], s.cells[k], f.constants[0]
-    t, busy, written = cell["tile"], s.busy, 0.0
-    for phase in range(f.phase.shape[0]):
-        level = f.levels[phase, COLUMN_LINE, post] - f.levels[phase, ROW, pre]
+    written = 0.0
+    for p in range(phase.shape[0]):
+        row, column, width = levels[p, ROW, pre], levels[p, COLUMN_LINE, post], phase[p]
+        level = column - row
         if level == 0.0:
             continue
-        strength, width = abs(level) / constants["event_level"], f.phase[phase]
+        strength = abs(level) / constants["event_level"]
         sign, v = 1 if level > 0.0 else -1, strength * constants["pulse_voltage"]
         if cell["series"] > 0.0:
             v /= 1.0 + cell["series"] * now["g"]
         if cell["is_live"] and v > cell["threshold"]:
-            duration, charge, energy = write_pulse(f.pulses, f, s, k, sign, strength, width)
-            refresh(f, s, k)
-            side = 0 if sign > 0 else 1
+            duration, charge, energy = write_pulse(pulses, cell, now, tile, constants, sign, strength, width)
+            refresh(cell, now, tile)
+            t, side = cell["tile"], 0 if sign > 0 else 1
             if constants["parallelism"] == ARRAY:
                 busy[t, 0, side] = max(busy[t, 0, side], duration)
             else:
                 busy[t, cell["column"] if constants["parallelism"] == COLUMN else 0, side] += duration
-            s.total[CHARGE_TOTAL] += charge
-            s.total[PROGRAM_ENERGY] += energy
+            total[CHARGE_TOTAL] += charge
+            total[PROGRAM_ENERGY] += energy
             written += sign * width
         elif constants["counts_half_selects"]:
-            s.total[PROGRAM_ENERGY] += v * v * now["g"] * f.tiles[t]["duration"] * width
-            half_select(f, s, k, phase, sign)
+            total[PROGRAM_ENERGY] += v * v * now["g"] * tile["duration"] * width
+            half_select(cell, now, tile, constants, total, row, column, sign)
     return written
 
 
 @inlined_kernel
-def program_cells(f: Fabric, s: FabricState) -> None:
+def program_cells(
+    pulses: Any, cells: Any, state: Any, tiles: Any, constants: Any, neurons: Any, starts: IntArray, table: Any,
+    phase: FloatArray, levels: FloatArray, busy: FloatArray, total: FloatArray, clock: IntArray, is_stale: Any,
+) -> None:  # fmt: skip
     """Program cells that see exactly the voltage of their lines, or that are selected one by one."""
-    cells, neurons, table, starts, tiles = f.cells, s.neurons, f.table, f.starts, f.tiles
     for j in range(INPUTS, neurons.shape[0]):
         post = neurons[j]["ls"]
+        if post == 0:
+            continue  # nothing is asked for, and no waveform has a level that fires, where ls = 0
         for k in range(starts[j], starts[j + 1]):
-            pre = neurons[cells[k]["sender"]]["ls"]
+            cell = cells[k]
+            pre = neurons[cell["sender"]]["ls"]
             asked = table[pre, post]
-            if asked == 0 or tiles[cells[k]["tile"]]["family"] < 0:
+            tile = tiles[cell["tile"]]
+            if asked == 0 or tile["family"] < 0:
                 continue
-            written = write_cell(f, s, k, pre, post) if asked & MAY_FIRE else 0.0
-            s.cells[k]["pulses"] += judge(cells[k]["is_synapse"], asked, written, s.total)
+            written = 0.0
+            if asked & MAY_FIRE:
+                clock[BUSY_LINES] = 1
+                is_stale[cell["tile"]] = True
+                written = write_cell(
+                    pulses, cell, state[k], tile, constants, phase, levels, pre, post, busy, total
+                )  # fmt: skip
+            state[k]["pulses"] += judge(cell["is_synapse"], asked, written, total)
 
 
 @inlined_kernel
@@ -199,6 +219,7 @@ def program_wired(f: Fabric, s: FabricState) -> None:
         if f.tiles[t]["family"] >= 0:
             program_tile(f, s, t)
             s.busy[t, 0, 0] = f.tiles[t]["duration"] * f.phase.sum()
+            s.clock[BUSY_LINES] = 1
     for k in range(f.cells.shape[0]):
         cell = f.cells[k]
         if f.tiles[cell["tile"]]["family"] >= 0:
@@ -209,13 +230,14 @@ def program_wired(f: Fabric, s: FabricState) -> None:
             s.cells[k]["pulses"] += judge(cell["is_synapse"], asked, written, s.total)
 
 
-@inlined_kernel
+@inner_kernel
 def account_time(busy: FloatArray, total: FloatArray) -> None:
     """All tiles are programmed side by side at the end of a step; within one, columns side by side."""
     worst = 0.0
     for t in range(busy.shape[0]):
         for column in range(busy.shape[1]):
             worst = max(worst, busy[t, column, 0] + busy[t, column, 1])
+            busy[t, column, 0] = busy[t, column, 1] = 0.0
     total[BUSY] += worst
     total[WORST_BUSY] = max(total[WORST_BUSY], worst)
 
@@ -226,7 +248,7 @@ def _read(wires: Any, f: Fabric, s: FabricState, j: int, now: int) -> tuple[floa
 
 
 def _read_ideal(wires: Any, f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
-    return read_column(f, s, j, now)
+    return read_column(f.starts, f.cells, s.cells, s.ring, j, now)
 
 
 def _read_lines(wires: Any, f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
@@ -238,7 +260,10 @@ def _program(lines: Any, f: Fabric, s: FabricState) -> None:
 
 
 def _program_selected(lines: Any, f: Fabric, s: FabricState) -> None:
-    program_cells(f, s)
+    program_cells(
+        f.pulses, f.cells, s.cells, f.tiles, f.constants[0], s.neurons, f.starts, f.table, f.phase, f.levels, s.busy,
+        s.total, s.clock, s.is_stale,
+    )  # fmt: skip
 
 
 def _program_driven(lines: Any, f: Fabric, s: FabricState) -> None:
@@ -281,7 +306,7 @@ def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, 
     clamp, gain, c, last_spike = constants["clamp"], constants["synapse_gain"], constants["c"], constants["last_spike"]
     energy = constants["read_voltage"] * constants["read_voltage"] * constants["read_duration"]
     for _ in range(steps):
-        now, step = s.clock[0], int(total[STEPS_DONE])
+        now, step = s.clock[STEP], int(total[STEPS_DONE])
         for j in range(neurons.shape[0]):
             a, b = neurons[j]["a"], neurons[j]["b"]
             if j < INPUTS:
@@ -289,25 +314,26 @@ def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, 
             else:
                 weighted, squares, conducting = _read(f.wires, f, s, j, now)
                 total[READ_ENERGY] += energy * conducting
-                weighted = sense(f, j, step, weighted, squares)
+                weighted = sense(constants, neurons[j], j, step, weighted, squares)
                 y = membrane(state[j]["y"], gain * weighted, a, b, clamp)
             above = y > neurons[j]["y_thresh"]
             state[j]["y"] = c if above else y
-            ring[now & mask, j] = above
+            ring[now & mask, j] = 1.0 if above else 0.0
             if above:
                 state[j]["ls"] = last_spike
                 spiked[j] += 1
                 total[SPIKES] += 1
         if constants["read_disturb"] > 0.0:
             disturb(f, s, now)
-        s.busy[:] = 0.0
+        s.clock[BUSY_LINES] = 0
         _program(f.lines, f, s)
-        account_time(s.busy, total)
+        if s.clock[BUSY_LINES] > 0:
+            account_time(s.busy, total)
         for j in range(neurons.shape[0]):
             if state[j]["ls"] > 0:
                 state[j]["ls"] -= 1
         total[STEPS_DONE] += 1
-        s.clock[0] = now + 1
+        s.clock[STEP] = now + 1
 
 
 @kernel

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ohmloom._arrays import FloatArray
 from ohmloom._jit import inner_kernel
 from ohmloom.circuits._crossbar_kernels import solve_potentials
@@ -10,6 +12,7 @@ from ohmloom.mapping._cell_kernels import INTEGRATED, count_events, event_size, 
 from ohmloom.mapping._fabric import (
     CHARGE_TOTAL,
     COLUMN_LINE,
+    FAILED,
     HALF_BOTH,
     HALF_COLUMN,
     HALF_ROW,
@@ -60,7 +63,7 @@ def find_transfer(f: Fabric, s: FabricState, t: int) -> None:
         lines.v_column[:] = 0.0
         lines.v_column[column] = 1.0
         u = lines.u[t, column]
-        s.clock[1] += _solve(wires, lines, grid, u)
+        s.clock[FAILED] += _solve(wires, lines, grid, u)
         for i in range(grid.shape[0]):
             current = 0.0
             for j in range(grid.shape[1]):
@@ -85,8 +88,7 @@ def read_wired(f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, floa
             pre = wires.row_neuron[t, i]
             if pre < 0:
                 continue
-            sent = now - wires.tap[pre, j]
-            if sent >= 0 and ring[sent & mask, pre]:
+            if ring[(now - wires.tap[pre, j]) & mask, pre] > 0.0:
                 g = transfer[i, column]
                 subtracted = transfer[i, reference] if reference >= 0 else 0.0
                 part = sign * wires.row_polarity[t, i] * (g - subtracted)
@@ -130,7 +132,7 @@ def program_tile(f: Fabric, s: FabricState, t: int) -> None:
         if not _hold_lines(f, s, t, phase):
             continue
         u, duration = lines.u_program[t, phase], f.tiles[t]["duration"] * f.phase[phase]
-        s.clock[1] += _solve(wires, lines, grid, u)
+        s.clock[FAILED] += _solve(wires, lines, grid, u)
         any_fired = False
         for place in range(first, last):
             k = wires.of_tile[place]
@@ -141,10 +143,12 @@ def program_tile(f: Fabric, s: FabricState, t: int) -> None:
                 any_fired = True
             elif abs(v) > IDLE:
                 s.total[PROGRAM_ENERGY] += v * v * s.cells[k]["g"] * duration
-                half_select(f, s, k, phase, 1 if v > 0.0 else -1)
+                row, column = f.levels[phase, ROW, s.neurons[cell["sender"]]["ls"]], f.levels[phase, COLUMN_LINE, s.neurons[cell["receiver"]]["ls"]]
+                half_select(cell, s.cells[k], f.tiles[t], f.constants[0], s.total, row, column, 1 if v > 0.0 else -1)
         if any_fired:
             _advance(f, s, t, phase, u)
             fill_grid(f, s, t)
+    s.is_stale[t] = True
 
 
 @inner_kernel
@@ -159,44 +163,42 @@ def _advance(f: Fabric, s: FabricState, t: int, phase: int, u: FloatArray) -> No
         if fired[phase, k] != 0:
             now, i, j = s.cells[k], f.cells[k]["row"], f.cells[k]["column"]
             before, origin, count = now["s"], now["origin"], now["count"]
-            _move(f, s, k, w[i, j] - u[i, j], 0.5 * width * event_size(f, s, k, fired[phase, k]))
-            middle[i, j] = conductance(f.tiles[t]["law"], now["s"], 0.0, f.parameters[t])
+            _move(s.cells[k], f.tiles[t], f.constants[0], w[i, j] - u[i, j], 0.5 * width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
+            middle[i, j] = conductance(f.tiles[t]["law"], now["s"], 0.0, f.tiles[t]["parameters"])
             now["s"], now["origin"], now["count"] = before, origin, count
-    s.clock[1] += _solve(wires, lines, middle, u)
+    s.clock[FAILED] += _solve(wires, lines, middle, u)
     for place in range(wires.first_cell[t], wires.first_cell[t + 1]):
         k = wires.of_tile[place]
         if fired[phase, k] != 0:
             i, j = f.cells[k]["row"], f.cells[k]["column"]
             v = w[i, j] - u[i, j]
-            charge = _move(f, s, k, v, width * event_size(f, s, k, fired[phase, k]))
-            refresh(f, s, k)
+            charge = _move(s.cells[k], f.tiles[t], f.constants[0], v, width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
+            refresh(f.cells[k], s.cells[k], f.tiles[t])
             s.total[CHARGE_TOTAL] += charge
             s.total[PROGRAM_ENERGY] += charge * abs(v)
 
 
 @inner_kernel
-def _move(f: Fabric, s: FabricState, k: int, v: float, size: float) -> float:
+def _move(now: Any, tile: Any, constants: Any, v: float, size: float) -> float:
     """Hold `v` over a cell for `size` pulses; the charge that passes [C]."""
-    now, t = s.cells[k], f.cells[k]["tile"]
-    tile, p = f.tiles[t], f.parameters[t]
+    p = tile["parameters"]
     if tile["family"] == INTEGRATED:
         after, charge = voltage_pulse(tile["law"], now["s"], p, tile["charge_scale"], v, tile["duration"] * size)
         now["s"] = min(max(after, 0.0), 1.0)
         now["origin"], now["count"] = now["s"], 0.0
         return abs(charge)
     before = conductance(tile["law"], now["s"], 0.0, p)
-    count_events(f, s, k, v / f.constants[0]["pulse_voltage"] * size)
+    count_events(now, tile, v / constants["pulse_voltage"] * size)
     after = conductance(tile["law"], now["s"], 0.0, p)
     return 0.5 * (before + after) * abs(v) * tile["duration"] * size
 
 
 @inner_kernel
-def half_select(f: Fabric, s: FabricState, k: int, phase: int, sign: int) -> None:
-    """Enter a pulse below the threshold, and what it does."""
-    cell = f.cells[k]
-    row = f.levels[phase, ROW, s.neurons[cell["sender"]]["ls"]] != 0.0
-    column = f.levels[phase, COLUMN_LINE, s.neurons[cell["receiver"]]["ls"]] != 0.0
-    s.total[HALF_BOTH if row and column else HALF_ROW if row else HALF_COLUMN] += 1
-    if f.constants[0]["half_select"] > 0.0 and cell["is_live"]:
-        count_events(f, s, k, sign * f.constants[0]["half_select"])
-        refresh(f, s, k)
+def half_select(
+    cell: Any, now: Any, tile: Any, constants: Any, total: FloatArray, row: float, column: float, sign: int
+) -> None:
+    """Enter a pulse below the threshold, and what it does; `row` and `column` are the levels of its lines."""
+    total[HALF_BOTH if row != 0.0 and column != 0.0 else HALF_ROW if row != 0.0 else HALF_COLUMN] += 1
+    if constants["half_select"] > 0.0 and cell["is_live"]:
+        count_events(now, tile, sign * constants["half_select"])
+        refresh(cell, now, tile)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray
 from ohmloom.errors import OperationError, ParameterError, expect_number, expect_type
-from ohmloom.mapping._fabric import Wires, empty_state
+from ohmloom.mapping._fabric import FAILED, STEP, Wires, empty_state
 from ohmloom.mapping.die import Die
 from ohmloom.mapping.ledger import Ledger
 from ohmloom.mapping.plan import Plan
@@ -106,8 +106,8 @@ class EmulatedController:
         OperationError
             If any solve since the last reset did not converge.
         """
-        if self._state.clock[1]:
-            raise OperationError(f"EmulatedController: expected the potentials of the wires to converge, got {self._state.clock[1]} "
+        if self._state.clock[FAILED]:
+            raise OperationError(f"EmulatedController: expected the potentials of the wires to converge, got {self._state.clock[FAILED]} "
                                  "solves that did not. Check the resistances of wires and devices.")  # fmt: skip
 
     @property
@@ -211,13 +211,14 @@ class EmulatedController:
 
         s = self._state
         s.neurons["y"], s.neurons["ls"] = membranes, ls
-        s.ring[(int(s.clock[0]) - 1) % s.ring.shape[0]] = spiked
+        s.ring[(int(s.clock[STEP]) - 1) % s.ring.shape[0]] = spiked
         devices, tiles = self.die.plan.hardware.devices, self.die.plan.tiles
         for point, place, now in zip(self.die.plan.crosspoints, self._order, self.weights, strict=True):
             if now != weights[point.synapse]:
                 tile = tiles[point.tile]
                 state = state_of_weight(devices[tile.kind], float(weights[point.synapse]), has_reference=tile.has_reference)
-                self._kernels.place_at(self._fabric, s, place, state)
+                f = self._fabric
+                self._kernels.place_at(f.cells[place], s.cells[place], f.tiles[point.tile], state)
 
     def _in_order(self, values: Any) -> Any:
         return values[self._order]

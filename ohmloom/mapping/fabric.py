@@ -108,7 +108,7 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
     for t, device in enumerate(devices):
         tiles[t] = (
             law[t], family[t], device.charge_scale, reference[t], g_on[t], die.tile_gain[t], pulses[t].flux,
-            pulses[t].duration, coordinate(t, 0.0), coordinate(t, 1.0),
+            pulses[t].duration, coordinate(t, 0.0), coordinate(t, 1.0), parameters[t],
         )  # fmt: skip
     neurons = np.zeros(n, dtype=f.NEURON_FIELDS)
     neurons["a"], neurons["b"], neurons["y_thresh"] = _biases(die), r.b * die.neuron_leak, r.y_thresh * die.neuron_threshold
@@ -123,7 +123,7 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
     )  # fmt: skip
     fabric = f.Fabric(
         cells=cell, starts=np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64),
-        tiles=tiles, parameters=parameters, neurons=neurons, constants=constants,
+        tiles=tiles, neurons=neurons, constants=constants,
         table=_table(plan, lowest, counts_half_selects), phase=phase, levels=np.stack([row_level, column_level], axis=1),
         wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
         lines=f.DrivenLines() if is_driven else f.SelectedCells(),
@@ -230,7 +230,7 @@ class _Effects:
 
 
 def _parameters(devices: list[Device]) -> FloatArray:
-    parameters = np.zeros((len(devices), max((len(device.parameters) for device in devices), default=1)))
+    parameters = np.zeros((len(devices), f.TILE_FIELDS["parameters"].shape[0]))
     for t, device in enumerate(devices):
         values = [device.parameters[p.name] for p in LAWS[device.law].parameters]
         parameters[t, : len(values)] = values
