@@ -82,8 +82,9 @@ def inner_kernel(function: F) -> F:
 
 
 def inlined_kernel(function: F) -> F:
-    """Compile a small function into each of its callers: a call would copy the description of every array it gets."""
-    compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy", forceinline=True)(function)
+    """Put a function into each of its callers: a call would copy the description of every array, and a function that is
+    compiled by itself is optimised again with each caller."""
+    compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy", inline="always")(function)
     return compiled
 
 

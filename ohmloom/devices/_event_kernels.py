@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ohmloom._jit import closure_kernel, inner_kernel, kernel
-from ohmloom.devices._kernels import CLOSED_INVERSES, conductance, flux, state_at_flux
+from ohmloom.devices._kernels import CLOSED_INVERSES, flux, ideal_conductance, state_at_flux
 from ohmloom.devices.laws import LAWS
 
 CHARGE, FLUX = 0, 1
@@ -77,7 +77,7 @@ def state_at_any_flux(law: int, phi: float, p: Any) -> float:
         else:
             low = s
         # d flux/d s = q_d/G.
-        after = s - excess * conductance(law, s, 0.0, p) / q_d
+        after = s - excess * ideal_conductance(law, s, p) / q_d
         if abs(after - s) <= LAST_STEP * after:
             return after
         s = after if low < after < high else 0.5 * (low + high)

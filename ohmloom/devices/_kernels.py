@@ -103,6 +103,11 @@ def no_flux(s: float, p: Any) -> float:
     return float("nan")
 
 
+def no_conductance(s: float, v: float, p: Any) -> float:
+    """What a law that is not ideal has where only ideal ones are asked for."""
+    return float("nan")
+
+
 def _teach_helpers() -> None:
     """Let compiled laws call what they share: the functions of `_functions`, and those of each other's modules."""
     for function, numeric in _functions.ELEMENTARY.items():
@@ -121,6 +126,9 @@ def _teach_helpers() -> None:
 
 _teach_helpers()
 _conductance = build_conductance([law.conductance for law in LAWS.values()])
+_ideal_conductance = build_conductance(
+    [law.conductance if law.is_ideal else no_conductance for law in LAWS.values()], len(LAWS)
+)
 _charge_rate = build_charge_rate([law.charge_rate for law in LAWS.values()])
 _flux = build_flux([law.flux or no_flux for law in LAWS.values()])
 _state_at_flux = build_state_at_flux(
@@ -133,6 +141,12 @@ _metered_pulse, _current_pulse, _voltage_pulse = build_pulses(_conductance, _cha
 def conductance(law_index: int, s: float, v: float, p: Any) -> float:
     """G(s, v) in S; NaN for an index that no law has."""
     return _conductance(law_index, s, v, p)
+
+
+@kernel
+def ideal_conductance(law_index: int, s: float, p: Any) -> float:
+    """G(s) in S of an ideal law; NaN for any other, which leaves a kernel smaller than `conductance` would."""
+    return _ideal_conductance(law_index + len(LAW_NAMES), s, 0.0, p)
 
 
 @kernel

@@ -8,7 +8,14 @@ from typing import Any
 from ohmloom._jit import choose_by_type, inner_kernel, inlined_kernel
 from ohmloom._philox_kernels import normal
 from ohmloom.devices._event_kernels import CHARGE, FLUX, MEM_LIFETIME, event_state, read_weight
-from ohmloom.devices._kernels import conductance, current_pulse, flux, metered_pulse, voltage_pulse
+from ohmloom.devices._kernels import (
+    conductance,
+    current_pulse,
+    flux,
+    ideal_conductance,
+    metered_pulse,
+    voltage_pulse,
+)
 from ohmloom.mapping._fabric import (
     CHARGE_METERED,
     CURRENT,
@@ -23,21 +30,41 @@ NEWTON_ROUNDS = 60
 STILL = 1e-16  # a change of s that is none
 
 
+def law_conductance(pulses: Any, law: int, s: float, p: Any) -> float:
+    """Low-field G(s) of a fabric's laws [S]."""
+    return _CONDUCTANCES[type(pulses)](pulses, law, s, p)
+
+
+def _conductance_of_ideal(pulses: Any, law: int, s: float, p: Any) -> float:
+    return ideal_conductance(law, s, p)
+
+
+def _conductance_of_any(pulses: Any, law: int, s: float, p: Any) -> float:
+    return conductance(law, s, 0.0, p)
+
+
+_CONDUCTANCES: dict[type, Callable[..., float]] = {
+    ClosedPulses: _conductance_of_ideal,
+    AnyPulses: _conductance_of_any,
+}
+choose_by_type(law_conductance, _CONDUCTANCES)
+
+
 @inlined_kernel
-def refresh(cell: Any, now: Any, tile: Any) -> None:
+def refresh(pulses: Any, cell: Any, now: Any, tile: Any) -> None:
     """Conductance and weight of a live cell from its state."""
-    g = conductance(tile["law"], now["s"], 0.0, tile["parameters"])
+    g = law_conductance(pulses, tile["law"], now["s"], tile["parameters"])
     now["g"], now["load"] = g, g + tile["reference"]
     now["weight"] = cell["polarity"] * tile["gain"] * read_weight(g, tile["reference"], tile["g_on"])
 
 
 @inner_kernel
-def place_at(cell: Any, now: Any, tile: Any, state: float) -> None:
+def place_at(pulses: Any, cell: Any, now: Any, tile: Any, state: float) -> None:
     """Put a live cell into a state that no count of events reaches."""
     now["s"] = min(max(state, 0.0), 1.0)
     now["count"] = 0.0
     now["origin"] = flux(tile["law"], now["s"], tile["parameters"]) if tile["family"] == FLUX else now["s"]
-    refresh(cell, now, tile)
+    refresh(pulses, cell, now, tile)
 
 
 @inlined_kernel
@@ -75,7 +102,7 @@ def state_behind(law: int, p: Any, q_d: float, s: float, series: float, phi: flo
             high = x
         else:
             low = x
-        after = x - miss / (q_d / conductance(law, x, 0.0, p) + series * q_d)
+        after = x - miss / (q_d / ideal_conductance(law, x, p) + series * q_d)
         if not low < after < high:
             after = 0.5 * (low + high)
         if abs(after - x) <= STILL:
@@ -86,7 +113,7 @@ def state_behind(law: int, p: Any, q_d: float, s: float, series: float, phi: flo
 
 @inlined_kernel
 def closed_pulse(
-    cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
     """One pulse on a selected cell of an ideal law; (duration in s, charge in C, energy in J), sizes."""
     p, series = tile["parameters"], cell["series"]
@@ -94,15 +121,15 @@ def closed_pulse(
     before, voltage = now["s"], strength * constants["pulse_voltage"]
     size = event_size(cell, now, constants, sign) * width
     if mode == EXACT_WIDTH:
-        return exact_width(cell, now, tile, sign, size, voltage)
+        return exact_width(pulses, cell, now, tile, sign, size, voltage)
     if mode == VOLTAGE:
         start, applied = flux(law, before, p), size * strength * tile["event_flux"]
         if series == 0.0:
             count_events(now, tile, sign * size * strength)
         else:
-            place_at(cell, now, tile, state_behind(law, p, q_d, before, series, sign * applied))
+            place_at(pulses, cell, now, tile, state_behind(law, p, q_d, before, series, sign * applied))
         charge = abs(now["s"] - before) * q_d
-        g = conductance(law, now["s"], 0.0, p)
+        g = ideal_conductance(law, now["s"], p)
         rest = applied - abs(flux(law, now["s"], p) - start) - series * charge
         if rest > 0.0 and (now["s"] == 0.0 or now["s"] == 1.0):
             # The state stands at its wall, and the current goes on.
@@ -111,9 +138,9 @@ def closed_pulse(
     charge = size * q_d / MEM_LIFETIME
     count_events(now, tile, sign * size)
     inside = abs(now["s"] - before) * q_d
-    g = conductance(law, now["s"], 0.0, p)
+    g = ideal_conductance(law, now["s"], p)
     # Flux: the integral of M over the charge by Simpson's rule, exact where M is linear in it; the state is exact anyway.
-    middle = conductance(law, 0.5 * (before + now["s"]), 0.0, p)
+    middle = ideal_conductance(law, 0.5 * (before + now["s"]), p)
     passed = (1.0 / now["g"] + 4.0 / middle + 1.0 / g) / 6.0 * inside
     passed += max(charge - inside, 0.0) / g + series * charge
     if mode == CURRENT:
@@ -130,7 +157,7 @@ def closed_pulse(
 
 @inner_kernel
 def exact_width(
-    cell: Any, now: Any, tile: Any, sign: int, size: float, voltage: float
+    pulses: Any, cell: Any, now: Any, tile: Any, sign: int, size: float, voltage: float
 ) -> tuple[float, float, float]:
     """The driver applies the flux that takes the state it believes in to the next; the cell takes that flux."""
     p, series, before = tile["parameters"], cell["series"], now["s"]
@@ -141,7 +168,7 @@ def exact_width(
     if knows:
         now["s"], now["origin"], now["count"] = wanted, now["belief_origin"], now["belief_count"]
     else:
-        place_at(cell, now, tile, state_behind(law, p, q_d, before, series, sign * size * applied))
+        place_at(pulses, cell, now, tile, state_behind(law, p, q_d, before, series, sign * size * applied))
     charge = abs(now["s"] - before) * q_d
     return applied / voltage, charge, voltage * charge
 
@@ -203,7 +230,7 @@ def write_pulse(
 def _write_closed(
     pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
-    return closed_pulse(cell, now, tile, constants, sign, strength, width)
+    return closed_pulse(pulses, cell, now, tile, constants, sign, strength, width)
 
 
 def _write_any(
@@ -211,8 +238,41 @@ def _write_any(
 ) -> tuple[float, float, float]:
     if tile["family"] == INTEGRATED:
         return integrated_pulse(cell, now, tile, constants, sign, strength, width)
-    return closed_pulse(cell, now, tile, constants, sign, strength, width)
+    return closed_pulse(pulses, cell, now, tile, constants, sign, strength, width)
 
 
 _PULSES: dict[type, Callable[..., tuple[float, float, float]]] = {ClosedPulses: _write_closed, AnyPulses: _write_any}
 choose_by_type(write_pulse, _PULSES)
+
+
+def move(pulses: Any, now: Any, tile: Any, constants: Any, v: float, size: float) -> float:
+    """Hold `v` [V] over a cell for `size` pulses; the charge that passes [C]."""
+    return _MOVES[type(pulses)](pulses, now, tile, constants, v, size)
+
+
+@inner_kernel
+def move_closed(now: Any, tile: Any, constants: Any, v: float, size: float) -> float:
+    """In the flux family."""
+    before = ideal_conductance(tile["law"], now["s"], tile["parameters"])
+    count_events(now, tile, v / constants["pulse_voltage"] * size)
+    after = ideal_conductance(tile["law"], now["s"], tile["parameters"])
+    return 0.5 * (before + after) * abs(v) * tile["duration"] * abs(size)
+
+
+def _move_closed(pulses: Any, now: Any, tile: Any, constants: Any, v: float, size: float) -> float:
+    return move_closed(now, tile, constants, v, size)
+
+
+def _move_any(pulses: Any, now: Any, tile: Any, constants: Any, v: float, size: float) -> float:
+    if tile["family"] != INTEGRATED:
+        return move_closed(now, tile, constants, v, size)
+    after, charge = voltage_pulse(
+        tile["law"], now["s"], tile["parameters"], tile["charge_scale"], v, tile["duration"] * size
+    )
+    now["s"] = min(max(after, 0.0), 1.0)
+    now["origin"], now["count"] = now["s"], 0.0
+    return abs(charge)
+
+
+_MOVES: dict[type, Callable[..., float]] = {ClosedPulses: _move_closed, AnyPulses: _move_any}
+choose_by_type(move, _MOVES)

@@ -72,6 +72,11 @@ TILE_FIELDS = np.dtype([
     # Of the law; inside the record, since an array of its own would be reference-counted at every use.
     ("parameters", "f8", (max(len(law.parameters) for law in LAWS.values()),)),
 ])  # fmt: skip
+# What a column reads through wires: every word line that has a neuron, whether a device stands there or not.
+READ_FIELDS = np.dtype([
+    ("sender", "i8"), ("tap", "i8"), ("tile", "i8"), ("row", "i8"), ("column", "i8"), ("polarity", "f8"),
+])  # fmt: skip
+READ_STATE = np.dtype([("load", "f8"), ("weight", "f8")])  # as of a cell
 NEURON_FIELDS = np.dtype([
     ("a", "f8"), ("b", "f8"), ("y_thresh", "f8"), ("offset", "f8"),
     ("full_scale", "f8"),  # rows that a converter must hold
@@ -98,6 +103,8 @@ class Fabric(NamedTuple):
 
     cells: npt.NDArray[np.void]  # (cell,)
     starts: IntArray  # (receiver + 1,) cells of each receiver
+    reads: npt.NDArray[np.void]  # (read,) what columns read: the cells themselves, or READ_FIELDS through wires
+    read_starts: IntArray  # (receiver + 1,)
     tiles: npt.NDArray[np.void]  # (tile,)
     neurons: npt.NDArray[np.void]  # (neuron,)
     constants: npt.NDArray[np.void]  # (1,)
@@ -150,14 +157,9 @@ class Wires(NamedTuple):
     open_row: FloatArray  # (row,) zeros
     open_column: FloatArray
     row_neuron: IntArray  # (tile, row) or -1
-    row_polarity: FloatArray  # (tile, row)
     column_neuron: IntArray  # (tile, column) or -1
-    column_sign: FloatArray  # (tile, column)
     reference_column: IntArray  # (tile,) or -1
     still: FloatArray  # (tile, row, column) conductances that are no cell's [S]
-    tap: IntArray  # (sender, receiver)
-    reads: IntArray  # (receiver + 1,) bit lines of each receiver
-    read_line: IntArray  # (bit line, 2) tile and column
     first_cell: IntArray  # (tile + 1,) into `of_tile`
     of_tile: IntArray  # (cell,) cells sorted by tile
 
@@ -182,6 +184,7 @@ class FabricState(NamedTuple):
     """What changes while a die runs."""
 
     cells: npt.NDArray[np.void]  # (cell,)
+    reads: npt.NDArray[np.void]  # (read,) the cells themselves, or READ_STATE
     neurons: npt.NDArray[np.void]  # (neuron,)
     ring: FloatArray  # (slot, neuron) 1 for a spike: shift registers of the rows; slots are a power of two
     clock: IntArray  # [STEP, FAILED, BUSY_LINES]
@@ -207,8 +210,10 @@ def empty_state(f: Fabric, *, slots: int, columns: int, scratch: int) -> FabricS
             source=np.zeros((m, width)), v_row=np.zeros(m), v_column=np.zeros(width),
             fired=np.zeros((phases, cells), dtype=np.int64),
         )  # fmt: skip
+    state = np.zeros(cells, dtype=CELL_STATE)
+    reads = np.zeros(len(f.reads), dtype=READ_STATE) if isinstance(f.wires, Wires) else state
     return FabricState(
-        cells=np.zeros(cells, dtype=CELL_STATE), neurons=np.zeros(n, dtype=NEURON_STATE),
+        cells=state, reads=reads, neurons=np.zeros(n, dtype=NEURON_STATE),
         ring=np.zeros((size, n)), clock=np.zeros(3, dtype=np.int64),
         busy=np.zeros((tiles, columns, 2)), total=np.zeros(TOTALS),
         is_stale=np.ones(tiles, dtype=np.bool_), lines=lines,

@@ -46,7 +46,7 @@ from ohmloom.mapping._fabric import (
     SelectedCells,
     Wires,
 )
-from ohmloom.mapping._wire_kernels import find_transfer, half_select, program_tile, read_wired
+from ohmloom.mapping._wire_kernels import half_select, program_tile, update_reads
 from ohmloom.neurocontroller._kernels import INPUTS, STEPS, classify, membrane
 
 
@@ -69,7 +69,7 @@ def reset(f: Fabric, s: FabricState) -> None:
         now["belief_origin"], now["belief_count"] = cell["first_belief"], 0.0
         now["pulses"] = 0
         if cell["is_live"]:
-            refresh(cell, now, tile)
+            refresh(f.pulses, cell, now, tile)
         else:
             g = cell["fixed_g"]
             now["g"], now["load"] = g, g + tile["reference"]
@@ -87,7 +87,7 @@ def age(f: Fabric, s: FabricState) -> None:
     if decay != 1.0:
         for k in range(f.cells.shape[0]):
             if f.cells[k]["is_live"]:
-                place_at(f.cells[k], s.cells[k], f.tiles[f.cells[k]["tile"]], s.cells[k]["s"] * decay)
+                place_at(f.pulses, f.cells[k], s.cells[k], f.tiles[f.cells[k]["tile"]], s.cells[k]["s"] * decay)
         s.is_stale[:] = True
 
 
@@ -95,7 +95,7 @@ def age(f: Fabric, s: FabricState) -> None:
 def read_column(
     starts: IntArray, cells: Any, state: Any, ring: FloatArray, j: int, now: int
 ) -> tuple[float, float, float]:
-    """Column-serial read of one receiver without wires: weighted sum, sum of its squares, conductance that its rows drive.
+    """Column-serial read of one receiver: weighted sum, sum of its squares, conductance that its rows drive [S].
 
     A row is driven if the tap of its shift register holds a spike. Adding 0 for the others changes no bit of the sum,
     and costs less than asking.
@@ -120,7 +120,7 @@ def disturb(f: Fabric, s: FabricState, now: int) -> None:
         if cell["is_live"] and s.ring[(now - cell["tap"]) & mask, cell["sender"]] > 0.0:
             tile = f.tiles[cell["tile"]]
             count_events(s.cells[k], tile, -part if cell["polarity"] > 0.0 else part)
-            refresh(cell, s.cells[k], tile)
+            refresh(f.pulses, cell, s.cells[k], tile)
             s.is_stale[cell["tile"]] = True
 
 
@@ -170,7 +170,7 @@ def write_cell(
             v /= 1.0 + cell["series"] * now["g"]
         if cell["is_live"] and v > cell["threshold"]:
             duration, charge, energy = write_pulse(pulses, cell, now, tile, constants, sign, strength, width)
-            refresh(cell, now, tile)
+            refresh(pulses, cell, now, tile)
             t, side = cell["tile"], 0 if sign > 0 else 1
             if constants["parallelism"] == ARRAY:
                 busy[t, 0, side] = max(busy[t, 0, side], duration)
@@ -181,7 +181,7 @@ def write_cell(
             written += sign * width
         elif constants["counts_half_selects"]:
             total[PROGRAM_ENERGY] += v * v * now["g"] * tile["duration"] * width
-            half_select(cell, now, tile, constants, total, row, column, sign)
+            half_select(pulses, cell, now, tile, constants, total, row, column, sign)
     return written
 
 
@@ -212,7 +212,7 @@ def program_cells(
             state[k]["pulses"] += judge(cell["is_synapse"], asked, written, total)
 
 
-@inlined_kernel
+@kernel
 def program_wired(f: Fabric, s: FabricState) -> None:
     """The waveform on all lines of all tiles at once, through their wires."""
     for t in range(f.tiles.shape[0]):
@@ -243,16 +243,16 @@ def account_time(busy: FloatArray, total: FloatArray) -> None:
 
 
 # Each part takes long to compile: a fabric's types name those that it needs.
-def _read(wires: Any, f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
-    return _READS[type(wires)](wires, f, s, j, now)
+def _prepare_reads(wires: Any, f: Fabric, s: FabricState) -> None:
+    _PREPARATIONS[type(wires)](wires, f, s)
 
 
-def _read_ideal(wires: Any, f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
-    return read_column(f.starts, f.cells, s.cells, s.ring, j, now)
+def _prepare_none(wires: Any, f: Fabric, s: FabricState) -> None:
+    pass
 
 
-def _read_lines(wires: Any, f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
-    return read_wired(f, s, j, now)
+def _prepare_lines(wires: Any, f: Fabric, s: FabricState) -> None:
+    update_reads(f, s)
 
 
 def _program(lines: Any, f: Fabric, s: FabricState) -> None:
@@ -283,19 +283,12 @@ def _reset_guesses(lines: Any) -> None:
     lines.u_program[:] = 0.0
 
 
-_READS: dict[type, Callable[..., tuple[float, float, float]]] = {NoWires: _read_ideal, Wires: _read_lines}
+_PREPARATIONS: dict[type, Callable[..., None]] = {NoWires: _prepare_none, Wires: _prepare_lines}
 _PROGRAMS: dict[type, Callable[..., None]] = {SelectedCells: _program_selected, DrivenLines: _program_driven}
 _RESETS: dict[type, Callable[..., None]] = {NoWires: _reset_none, LineState: _reset_guesses}
-choose_by_type(_read, _READS)
+choose_by_type(_prepare_reads, _PREPARATIONS)
 choose_by_type(_program, _PROGRAMS)
 choose_by_type(_reset_lines, _RESETS)
-
-
-@kernel
-def refresh_transfer(f: Fabric, s: FabricState) -> None:
-    """What all columns read through the wires, for the conductances of now."""
-    for t in range(f.tiles.shape[0]):
-        find_transfer(f, s, t)
 
 
 @kernel
@@ -304,15 +297,17 @@ def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, 
     neurons, state, ring, total, constants = f.neurons, s.neurons, s.ring, s.total, f.constants[0]
     mask = ring.shape[0] - 1
     clamp, gain, c, last_spike = constants["clamp"], constants["synapse_gain"], constants["c"], constants["last_spike"]
+    read_starts, reads, read_state = f.read_starts, f.reads, s.reads
     energy = constants["read_voltage"] * constants["read_voltage"] * constants["read_duration"]
     for _ in range(steps):
         now, step = s.clock[STEP], int(total[STEPS_DONE])
+        _prepare_reads(f.wires, f, s)
         for j in range(neurons.shape[0]):
             a, b = neurons[j]["a"], neurons[j]["b"]
             if j < INPUTS:
                 y = membrane(state[j]["y"], sensors[j], a, b, clamp)
             else:
-                weighted, squares, conducting = _read(f.wires, f, s, j, now)
+                weighted, squares, conducting = read_column(read_starts, reads, read_state, ring, j, now)
                 total[READ_ENERGY] += energy * conducting
                 weighted = sense(constants, neurons[j], j, step, weighted, squares)
                 y = membrane(state[j]["y"], gain * weighted, a, b, clamp)

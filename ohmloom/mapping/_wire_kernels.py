@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ohmloom._arrays import FloatArray
-from ohmloom._jit import inner_kernel
+from ohmloom._arrays import FloatArray, IntArray
+from ohmloom._jit import inlined_kernel, kernel
 from ohmloom.circuits._crossbar_kernels import solve_potentials
-from ohmloom.devices._kernels import conductance, voltage_pulse
-from ohmloom.mapping._cell_kernels import INTEGRATED, count_events, event_size, refresh
+from ohmloom.mapping._cell_kernels import count_events, event_size, law_conductance, move, refresh
 from ohmloom.mapping._fabric import (
     CHARGE_TOTAL,
     COLUMN_LINE,
@@ -28,7 +27,7 @@ TOLERANCE = 1e-11  # of the energy norm: read errors of one in a million keep fo
 IDLE = 1e-15  # [V] below which a cell sees nothing
 
 
-@inner_kernel
+@inlined_kernel
 def fill_grid(f: Fabric, s: FabricState, t: int) -> None:
     """Conductances of a tile by line."""
     grid, still, wires = s.lines.grid[t], f.wires.still[t], f.wires
@@ -40,7 +39,7 @@ def fill_grid(f: Fabric, s: FabricState, t: int) -> None:
         grid[f.cells[k]["row"], f.cells[k]["column"]] = s.cells[k]["g"]
 
 
-@inner_kernel
+@inlined_kernel
 def _solve(wires: Wires, lines: LineState, g: FloatArray, u: FloatArray) -> int:
     """Potentials for the lines' voltages; 1 if they did not converge."""
     rows, columns = (wires.r_row, wires.near, wires.open_row), (wires.r_column, wires.open_column, wires.far)
@@ -50,18 +49,18 @@ def _solve(wires: Wires, lines: LineState, g: FloatArray, u: FloatArray) -> int:
     return 1 if rounds < 0 else 0
 
 
-@inner_kernel
+@inlined_kernel
 def find_transfer(f: Fabric, s: FabricState, t: int) -> None:
     """Current into each bit line per volt on each word line; by reciprocity, one solve a bit line."""
     fill_grid(f, s, t)
     wires, lines = f.wires, s.lines
-    grid, transfer, w = lines.grid[t], lines.transfer[t], lines.w
+    grid, transfer, w, v_column = lines.grid[t], lines.transfer[t], lines.w, lines.v_column
     lines.v_row[:] = 0.0
     for column in range(grid.shape[1]):
         if wires.column_neuron[t, column] < 0 and wires.reference_column[t] != column:
             continue
-        lines.v_column[:] = 0.0
-        lines.v_column[column] = 1.0
+        v_column[:] = 0.0
+        v_column[column] = 1.0
         u = lines.u[t, column]
         s.clock[FAILED] += _solve(wires, lines, grid, u)
         for i in range(grid.shape[0]):
@@ -69,36 +68,37 @@ def find_transfer(f: Fabric, s: FabricState, t: int) -> None:
             for j in range(grid.shape[1]):
                 current += grid[i, j] * (w[i, j] - u[i, j])
             transfer[i, column] = current
-    s.is_stale[t] = False
 
 
-@inner_kernel
-def read_wired(f: Fabric, s: FabricState, j: int, now: int) -> tuple[float, float, float]:
-    """Weighted sum of receiver `j` through the wires, the sum of its squares, and the conductance that its rows drive."""
-    wires, ring = f.wires, s.ring
-    mask = ring.shape[0] - 1
-    total, squares, conducting = 0.0, 0.0, 0.0
-    for line in range(wires.reads[j], wires.reads[j + 1]):
-        t, column = wires.read_line[line, 0], wires.read_line[line, 1]
+@inlined_kernel
+def _enter_reads(reads: Any, state: Any, tiles: Any, transfer: FloatArray, reference: IntArray, stale: Any) -> None:
+    """Weights as the columns of stale tiles read them."""
+    for k in range(reads.shape[0]):
+        read = reads[k]
+        t = read["tile"]
+        if stale[t]:
+            tile = tiles[t]
+            g = transfer[t, read["row"], read["column"]]
+            subtracted = transfer[t, read["row"], reference[t]] if reference[t] >= 0 else 0.0
+            weight = (g - subtracted) / (tile["g_on"] - tile["reference"])
+            state[k]["weight"] = read["polarity"] * tile["gain"] * weight
+            state[k]["load"] = g + subtracted
+
+
+@kernel
+def update_reads(f: Fabric, s: FabricState) -> None:
+    """What all columns read, for the conductances of now."""
+    is_any = False
+    for t in range(f.tiles.shape[0]):
         if s.is_stale[t]:
             find_transfer(f, s, t)
-        reference, transfer, tile = wires.reference_column[t], s.lines.transfer[t], f.tiles[t]
-        sign = tile["gain"] * wires.column_sign[t, column] / (tile["g_on"] - tile["reference"])
-        for i in range(transfer.shape[0]):
-            pre = wires.row_neuron[t, i]
-            if pre < 0:
-                continue
-            if ring[(now - wires.tap[pre, j]) & mask, pre] > 0.0:
-                g = transfer[i, column]
-                subtracted = transfer[i, reference] if reference >= 0 else 0.0
-                part = sign * wires.row_polarity[t, i] * (g - subtracted)
-                total += part
-                squares += part * part
-                conducting += g + subtracted
-    return total, squares, conducting
+            is_any = True
+    if is_any:
+        _enter_reads(f.reads, s.reads, f.tiles, s.lines.transfer, f.wires.reference_column, s.is_stale)
+        s.is_stale[:] = False
 
 
-@inner_kernel
+@inlined_kernel
 def _hold_lines(f: Fabric, s: FabricState, t: int, phase: int) -> bool:
     """Put the levels of a phase on all lines; whether any is other than 0."""
     wires, v_row, v_column = f.wires, s.lines.v_row, s.lines.v_column
@@ -115,7 +115,7 @@ def _hold_lines(f: Fabric, s: FabricState, t: int, phase: int) -> bool:
     return is_driven
 
 
-@inner_kernel
+@inlined_kernel
 def program_tile(f: Fabric, s: FabricState, t: int) -> None:
     """All lines of a tile at once; `fired` says which cells switched, and in which direction.
 
@@ -144,14 +144,14 @@ def program_tile(f: Fabric, s: FabricState, t: int) -> None:
             elif abs(v) > IDLE:
                 s.total[PROGRAM_ENERGY] += v * v * s.cells[k]["g"] * duration
                 row, column = f.levels[phase, ROW, s.neurons[cell["sender"]]["ls"]], f.levels[phase, COLUMN_LINE, s.neurons[cell["receiver"]]["ls"]]
-                half_select(cell, s.cells[k], f.tiles[t], f.constants[0], s.total, row, column, 1 if v > 0.0 else -1)
+                half_select(f.pulses, cell, s.cells[k], f.tiles[t], f.constants[0], s.total, row, column, 1 if v > 0.0 else -1)
         if any_fired:
             _advance(f, s, t, phase, u)
             fill_grid(f, s, t)
     s.is_stale[t] = True
 
 
-@inner_kernel
+@inlined_kernel
 def _advance(f: Fabric, s: FabricState, t: int, phase: int, u: FloatArray) -> None:
     wires, lines, width = f.wires, s.lines, f.phase[phase]
     fired, w, grid, middle = lines.fired, lines.w, lines.grid[t], lines.middle
@@ -163,8 +163,8 @@ def _advance(f: Fabric, s: FabricState, t: int, phase: int, u: FloatArray) -> No
         if fired[phase, k] != 0:
             now, i, j = s.cells[k], f.cells[k]["row"], f.cells[k]["column"]
             before, origin, count = now["s"], now["origin"], now["count"]
-            _move(s.cells[k], f.tiles[t], f.constants[0], w[i, j] - u[i, j], 0.5 * width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
-            middle[i, j] = conductance(f.tiles[t]["law"], now["s"], 0.0, f.tiles[t]["parameters"])
+            move(f.pulses, s.cells[k], f.tiles[t], f.constants[0], w[i, j] - u[i, j], 0.5 * width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
+            middle[i, j] = law_conductance(f.pulses, f.tiles[t]["law"], now["s"], f.tiles[t]["parameters"])
             now["s"], now["origin"], now["count"] = before, origin, count
     s.clock[FAILED] += _solve(wires, lines, middle, u)
     for place in range(wires.first_cell[t], wires.first_cell[t + 1]):
@@ -172,33 +172,18 @@ def _advance(f: Fabric, s: FabricState, t: int, phase: int, u: FloatArray) -> No
         if fired[phase, k] != 0:
             i, j = f.cells[k]["row"], f.cells[k]["column"]
             v = w[i, j] - u[i, j]
-            charge = _move(s.cells[k], f.tiles[t], f.constants[0], v, width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
-            refresh(f.cells[k], s.cells[k], f.tiles[t])
+            charge = move(f.pulses, s.cells[k], f.tiles[t], f.constants[0], v, width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
+            refresh(f.pulses, f.cells[k], s.cells[k], f.tiles[t])
             s.total[CHARGE_TOTAL] += charge
             s.total[PROGRAM_ENERGY] += charge * abs(v)
 
 
-@inner_kernel
-def _move(now: Any, tile: Any, constants: Any, v: float, size: float) -> float:
-    """Hold `v` over a cell for `size` pulses; the charge that passes [C]."""
-    p = tile["parameters"]
-    if tile["family"] == INTEGRATED:
-        after, charge = voltage_pulse(tile["law"], now["s"], p, tile["charge_scale"], v, tile["duration"] * size)
-        now["s"] = min(max(after, 0.0), 1.0)
-        now["origin"], now["count"] = now["s"], 0.0
-        return abs(charge)
-    before = conductance(tile["law"], now["s"], 0.0, p)
-    count_events(now, tile, v / constants["pulse_voltage"] * size)
-    after = conductance(tile["law"], now["s"], 0.0, p)
-    return 0.5 * (before + after) * abs(v) * tile["duration"] * size
-
-
-@inner_kernel
+@inlined_kernel
 def half_select(
-    cell: Any, now: Any, tile: Any, constants: Any, total: FloatArray, row: float, column: float, sign: int
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, total: FloatArray, row: float, column: float, sign: int
 ) -> None:
     """Enter a pulse below the threshold, and what it does; `row` and `column` are the levels of its lines."""
     total[HALF_BOTH if row != 0.0 and column != 0.0 else HALF_ROW if row != 0.0 else HALF_COLUMN] += 1
     if constants["half_select"] > 0.0 and cell["is_live"]:
         count_events(now, tile, sign * constants["half_select"])
-        refresh(cell, now, tile)
+        refresh(pulses, cell, now, tile)

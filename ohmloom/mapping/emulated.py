@@ -61,7 +61,7 @@ class EmulatedController:
         self._is_wired = isinstance(self._fabric.wires, Wires)
         columns = max((len(tile.columns) + tile.spare_columns for tile in die.plan.tiles), default=1)
         self._state = empty_state(
-            self._fabric, slots=int(self._longest_tap()) + 1, columns=columns, scratch=SCRATCH
+            self._fabric, slots=self._longest_tap() + 1, columns=columns, scratch=SCRATCH
         )
         self._counts = np.zeros(len(self._fabric.neurons), dtype=np.int64)
         self.reset()
@@ -155,14 +155,12 @@ class EmulatedController:
         if not self._is_wired:
             values: FloatArray = self._in_order(np.abs(s.cells["weight"]))
             return values
-        self._kernels.refresh_transfer(f, s)
+        self._kernels.update_reads(f, s)
         self.check_solved()
-        tile, row, column = (f.cells[name] for name in ("tile", "row", "column"))
-        reference = f.wires.reference_column[tile]
-        subtracted = np.where(reference >= 0, s.lines.transfer[tile, row, reference], 0.0)
-        read = (s.lines.transfer[tile, row, column] - subtracted) * f.tiles["gain"][tile] / self._span()
-        values = self._in_order(read)
-        return values
+        place = {(r["tile"], r["row"], r["column"]): k for k, r in enumerate(f.reads)}
+        cells = f.cells[self._order]
+        read = [place[c["tile"], c["row"], c["column"]] for c in cells]
+        return np.abs(s.reads["weight"][read])
 
     @property
     def membranes(self) -> FloatArray:
@@ -218,7 +216,7 @@ class EmulatedController:
                 tile = tiles[point.tile]
                 state = state_of_weight(devices[tile.kind], float(weights[point.synapse]), has_reference=tile.has_reference)
                 f = self._fabric
-                self._kernels.place_at(f.cells[place], s.cells[place], f.tiles[point.tile], state)
+                self._kernels.place_at(f.pulses, f.cells[place], s.cells[place], f.tiles[point.tile], state)
 
     def _in_order(self, values: Any) -> Any:
         return values[self._order]
@@ -235,8 +233,7 @@ class EmulatedController:
         return self._fabric.tiles[name][self._fabric.cells["tile"]]
 
     def _longest_tap(self) -> int:
-        taps = self._fabric.wires.tap if isinstance(self._fabric.wires, Wires) else self._fabric.cells["tap"]
-        return int(taps.max(initial=1))
+        return int(self._fabric.reads["tap"].max(initial=1))
 
 
 def reading_time(plan: Plan) -> float:

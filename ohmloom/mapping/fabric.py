@@ -121,8 +121,10 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
         die.keys.get("read_noise", 0), effects.bits, effects.settled, effects.decay, hardware.read.voltage.value,
         hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain, r.high_count, r.clamp, r.carry_state,
     )  # fmt: skip
+    starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64)
+    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps)
     fabric = f.Fabric(
-        cells=cell, starts=np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64),
+        cells=cell, starts=starts, reads=reads, read_starts=read_starts,
         tiles=tiles, neurons=neurons, constants=constants,
         table=_table(plan, lowest, counts_half_selects), phase=phase, levels=np.stack([row_level, column_level], axis=1),
         wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
@@ -363,35 +365,40 @@ def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int]) -> f.Wires | f.
     plan, ohm = die.plan, _resistances(die)
     if not any(ohm.values()) or not plan.tiles:
         return f.NoWires()
-    (m, width), tiles, n = _extent(plan), len(plan.tiles), plan.network.neurons
+    (m, width), tiles = _extent(plan), len(plan.tiles)
     near, far = ohm["r_driver"] + ohm["r_row"], ohm["r_sense"] + ohm["r_column"]
     row_neuron, column_neuron = np.full((tiles, m), -1, dtype=np.int64), np.full((tiles, width), -1, dtype=np.int64)
-    row_polarity, column_sign = np.ones((tiles, m)), np.ones((tiles, width))
     reference, still = np.full(tiles, -1, dtype=np.int64), np.zeros((tiles, m, width))
-    lines: list[list[tuple[int, int]]] = [[] for _ in range(n)]
     for t, tile in enumerate(plan.tiles):
         (rows, columns), repair, pad = physical_shape(plan, t), die.repairs[t], _padding(plan, t)
-        for i, sender in enumerate(tile.rows):
-            row_neuron[t, pad + repair.rows[i]] = sender
-            row_polarity[t, pad + repair.rows[i]] = _row_polarity(plan, sender)
-        for j, receiver in enumerate(tile.columns):
-            column_neuron[t, repair.columns[j]] = receiver
-            column_sign[t, repair.columns[j]] = tile.column_signs[j]
-            lines[receiver].append((t, int(repair.columns[j])))
+        row_neuron[t, pad + repair.rows] = tile.rows
+        column_neuron[t, repair.columns] = tile.columns
         if tile.has_reference:
             reference[t] = columns
             still[t, pad : pad + rows, columns] = g_off[t]
-    flat = [line for group in lines for line in group]
     return f.Wires(
         r_row=ohm["r_row"], r_column=ohm["r_column"], near=np.full(m, math.inf if near == 0.0 else 1.0 / near),
         far=np.full(width, math.inf if far == 0.0 else 1.0 / far), open_row=np.zeros(m), open_column=np.zeros(width),
-        row_neuron=row_neuron, row_polarity=row_polarity, column_neuron=column_neuron, column_sign=column_sign,
-        reference_column=reference, still=still, tap=_taps(plan),
-        reads=np.cumsum([0, *(len(group) for group in lines)]).astype(np.int64),
-        read_line=np.array(flat, dtype=np.int64).reshape(-1, 2),
+        row_neuron=row_neuron, column_neuron=column_neuron, reference_column=reference, still=still,
         first_cell=np.searchsorted(np.sort(tile_of_cell), np.arange(tiles + 1)).astype(np.int64),
         of_tile=np.argsort(tile_of_cell, kind="stable").astype(np.int64),
     )  # fmt: skip
+
+
+def _reads(die: Die, taps: IntArray) -> tuple[Any, IntArray]:
+    """What each receiver's bit lines read from every word line, and where each receiver begins."""
+    plan, found = die.plan, []
+    for t, tile in enumerate(plan.tiles):
+        repair, pad = die.repairs[t], _padding(plan, t)
+        for j, receiver in enumerate(tile.columns):
+            for i, sender in enumerate(tile.rows):
+                polarity = _row_polarity(plan, sender) * tile.column_signs[j]
+                entry = (sender, taps[sender, receiver], t, pad + repair.rows[i], repair.columns[j], polarity)
+                found.append((receiver, sender, t, entry))
+    found.sort(key=lambda one: one[:3])
+    reads = np.array([entry for *_, entry in found], dtype=f.READ_FIELDS)
+    receivers = [receiver for receiver, *_ in found]
+    return reads, np.searchsorted(receivers, np.arange(plan.network.neurons + 1)).astype(np.int64)
 
 
 def check_events(plan: Plan) -> None:
