@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ohmloom._jit import closure_kernel, inner_kernel, kernel
-from ohmloom.devices._kernels import CLOSED_INVERSES, flux, ideal_conductance, state_at_flux
-from ohmloom.devices.laws import LAWS
+from ohmloom.devices._kernels import CLOSED_INVERSES, LAW_INDEX, flux, state_at_flux
+from ohmloom.devices.laws import LAWS, Law
 
 CHARGE, FLUX = 0, 1
 MEM_LIFETIME = 1000  # Howard et al. 2012, section IX: events from one end of the range to the other
@@ -22,33 +22,29 @@ INVERSION_ROUNDS = 200
 LAST_STEP = 1e-9
 
 
-def build_charge_scale(functions: Sequence[Callable[..., Any]], index: int = 0) -> Callable[..., float]:
-    """Chain compiled charge scales: the first answers to `index`, the second to the next, and so on."""
-    head = inner_kernel(functions[0])
-    if len(functions) == 1:
+def build_slope(laws: Sequence[tuple[int, Law]]) -> Callable[..., float]:
+    """Chain the compiled slopes d phi/d s = q_d/G of ideal laws, each with its index; NaN for any other index."""
+    if not laws:
 
-        @closure_kernel(str(index))
-        def last(law_index: int, p: Any) -> float:
-            return head(p) if law_index == index else float("nan")
+        @closure_kernel("none")
+        def none(law_index: int, s: float, p: Any) -> float:
+            return float("nan")
 
-        return last
-    tail = build_charge_scale(functions[1:], index + 1)
+        return none
+    index, law = laws[0]
+    charge_scale, conductance = inner_kernel(law.charge_scale), inner_kernel(law.conductance)
+    tail = build_slope(laws[1:])
 
     @closure_kernel(str(index))
-    def choose(law_index: int, p: Any) -> float:
-        return head(p) if law_index == index else tail(law_index, p)
+    def choose(law_index: int, s: float, p: Any) -> float:
+        return charge_scale(p) / conductance(s, 0.0, p) if law_index == index else tail(law_index, s, p)
 
     return choose
 
 
-def no_scale(p: Any) -> float:
-    """What a law has that is never inverted here."""
-    return float("nan")
-
-
-# Only where it is needed: what is compiled here is compiled into every kernel that follows events.
-_charge_scale = build_charge_scale(
-    [law.charge_scale if law.is_ideal and name not in CLOSED_INVERSES else no_scale for name, law in LAWS.items()]
+# Only the laws that need it: this chain is compiled into every kernel that follows events.
+_slope = build_slope(
+    [(LAW_INDEX[name], law) for name, law in LAWS.items() if law.is_ideal and name not in CLOSED_INVERSES]
 )
 
 
@@ -62,8 +58,7 @@ def state_at_any_flux(law: int, phi: float, p: Any) -> float:
     closed = state_at_flux(law, phi, p)
     if not math.isnan(closed):
         return closed
-    q_d = _charge_scale(law, p)
-    if math.isnan(q_d):
+    if math.isnan(_slope(law, 0.0, p)):
         return math.nan
     if phi <= 0.0:
         return 0.0
@@ -76,8 +71,7 @@ def state_at_any_flux(law: int, phi: float, p: Any) -> float:
             high = s
         else:
             low = s
-        # d flux/d s = q_d/G.
-        after = s - excess * ideal_conductance(law, s, p) / q_d
+        after = s - excess / _slope(law, s, p)
         if abs(after - s) <= LAST_STEP * after:
             return after
         s = after if low < after < high else 0.5 * (low + high)

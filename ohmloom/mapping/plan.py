@@ -15,6 +15,8 @@ from ohmloom.errors import FileFormatError, MappingError, expect_type
 from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.waveform import check_rule
 from ohmloom.neurocontroller import KINDS, Network
+from ohmloom.neurocontroller.device_levels import lowest_weight, state_of_weight
+from ohmloom.neurocontroller.kinds import reads_with_reference as reads_with_reference
 
 FORMAT, VERSION = "ohmloom.plan", 1
 WEIGHT_TOLERANCE = 1e-9  # rounding of G_off/G_on against a weight of exactly that size
@@ -202,11 +204,6 @@ def place(network: Network, hardware: Hardware) -> Plan:
     return Plan(network=network, hardware=hardware, tiles=tiles, crosspoints=tuple(crosspoints))
 
 
-def reads_with_reference(kind: str) -> bool:
-    """Linear and constant kinds have W = (G - G_off)/(G_on - G_off); the memristive ones W = G/G_on."""
-    return kind in ("linear", "constant")
-
-
 def _check_readings(network: Network, hardware: Hardware) -> None:
     readings = network.readings
     if readings.weight_at != "arrival":
@@ -258,11 +255,11 @@ def _is_beyond(synapse: Any, lines: Sequence[int], limit: int, name: str) -> boo
 
 def _initial_state(network: Network, device: Device, k: int) -> float:
     synapse = network.synapses[k]
-    g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
-    wanted = synapse.weight * (g_on - g_off) + g_off if reads_with_reference(synapse.kind) else synapse.weight * g_on
-    if wanted < g_off * (1.0 - WEIGHT_TOLERANCE):
+    has_reference = reads_with_reference(synapse.kind)
+    lowest = lowest_weight(device, has_reference=has_reference)
+    if synapse.weight < lowest * (1.0 - WEIGHT_TOLERANCE):
         raise MappingError(
-            f"{network.name}: synapses[{k}].weight: expected at least G_off/G_on = {g_off / g_on:g} of the card "
+            f"{network.name}: synapses[{k}].weight: expected at least G_off/G_on = {lowest:g} of the card "
             f"{device.name!r}, got {synapse.weight}. Use a card with a larger ratio."
         )
-    return float(device.state_at_weight(min(max(wanted / g_on, g_off / g_on), 1.0)))
+    return state_of_weight(device, synapse.weight, has_reference=has_reference)
