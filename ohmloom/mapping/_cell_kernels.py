@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ohmloom._jit import choose_by_type, inner_kernel, inlined_kernel
+from ohmloom._jit import choose_by_type, inlined_kernel, inner_kernel
 from ohmloom._philox_kernels import normal
 from ohmloom.devices._event_kernels import CHARGE, FLUX, MEM_LIFETIME, event_state, read_weight
 from ohmloom.devices._kernels import (

@@ -143,8 +143,13 @@ def program_tile(f: Fabric, s: FabricState, t: int) -> None:
                 any_fired = True
             elif abs(v) > IDLE:
                 s.total[PROGRAM_ENERGY] += v * v * s.cells[k]["g"] * duration
-                row, column = f.levels[phase, ROW, s.neurons[cell["sender"]]["ls"]], f.levels[phase, COLUMN_LINE, s.neurons[cell["receiver"]]["ls"]]
-                half_select(f.pulses, cell, s.cells[k], f.tiles[t], f.constants[0], s.total, row, column, 1 if v > 0.0 else -1)
+                row, column = (
+                    f.levels[phase, ROW, s.neurons[cell["sender"]]["ls"]],
+                    f.levels[phase, COLUMN_LINE, s.neurons[cell["receiver"]]["ls"]],
+                )
+                half_select(
+                    f.pulses, cell, s.cells[k], f.tiles[t], f.constants[0], s.total, row, column, 1 if v > 0.0 else -1
+                )
         if any_fired:
             _advance(f, s, t, phase, u)
             fill_grid(f, s, t)
@@ -163,7 +168,14 @@ def _advance(f: Fabric, s: FabricState, t: int, phase: int, u: FloatArray) -> No
         if fired[phase, k] != 0:
             now, i, j = s.cells[k], f.cells[k]["row"], f.cells[k]["column"]
             before, origin, count = now["s"], now["origin"], now["count"]
-            move(f.pulses, s.cells[k], f.tiles[t], f.constants[0], w[i, j] - u[i, j], 0.5 * width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
+            move(
+                f.pulses,
+                s.cells[k],
+                f.tiles[t],
+                f.constants[0],
+                w[i, j] - u[i, j],
+                0.5 * width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]),
+            )
             middle[i, j] = law_conductance(f.pulses, f.tiles[t]["law"], now["s"], f.tiles[t]["parameters"])
             now["s"], now["origin"], now["count"] = before, origin, count
     s.clock[FAILED] += _solve(wires, lines, middle, u)
@@ -172,7 +184,14 @@ def _advance(f: Fabric, s: FabricState, t: int, phase: int, u: FloatArray) -> No
         if fired[phase, k] != 0:
             i, j = f.cells[k]["row"], f.cells[k]["column"]
             v = w[i, j] - u[i, j]
-            charge = move(f.pulses, s.cells[k], f.tiles[t], f.constants[0], v, width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]))
+            charge = move(
+                f.pulses,
+                s.cells[k],
+                f.tiles[t],
+                f.constants[0],
+                v,
+                width * event_size(f.cells[k], s.cells[k], f.constants[0], fired[phase, k]),
+            )
             refresh(f.pulses, f.cells[k], s.cells[k], f.tiles[t])
             s.total[CHARGE_TOTAL] += charge
             s.total[PROGRAM_ENERGY] += charge * abs(v)

@@ -79,12 +79,8 @@ class Die:
     @property
     def residual(self) -> tuple[int, ...]:
         """Synapses that stand on a fault."""
-        on = {
-            (t, row, column) for t, one in enumerate(self.repairs) for row, column in one.residual
-        }
-        return tuple(
-            point.synapse for point in self.plan.crosspoints if (point.tile, point.row, point.column) in on
-        )
+        on = {(t, row, column) for t, one in enumerate(self.repairs) for row, column in one.residual}
+        return tuple(point.synapse for point in self.plan.crosspoints if (point.tile, point.row, point.column) in on)
 
 
 def physical_shape(plan: Plan, t: int) -> tuple[int, int]:

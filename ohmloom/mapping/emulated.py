@@ -60,9 +60,7 @@ class EmulatedController:
         self._fabric, self._order, self._disabled = build_fabric(die, perturb=perturb, integrate=integrate)
         self._is_wired = isinstance(self._fabric.wires, Wires)
         columns = max((len(tile.columns) + tile.spare_columns for tile in die.plan.tiles), default=1)
-        self._state = empty_state(
-            self._fabric, slots=self._longest_tap() + 1, columns=columns, scratch=SCRATCH
-        )
+        self._state = empty_state(self._fabric, slots=self._longest_tap() + 1, columns=columns, scratch=SCRATCH)
         self._counts = np.zeros(len(self._fabric.neurons), dtype=np.int64)
         self.reset()
 
@@ -214,7 +212,9 @@ class EmulatedController:
         for point, place, now in zip(self.die.plan.crosspoints, self._order, self.weights, strict=True):
             if now != weights[point.synapse]:
                 tile = tiles[point.tile]
-                state = state_of_weight(devices[tile.kind], float(weights[point.synapse]), has_reference=tile.has_reference)
+                state = state_of_weight(
+                    devices[tile.kind], float(weights[point.synapse]), has_reference=tile.has_reference
+                )
                 f = self._fabric
                 self._kernels.place_at(f.pulses, f.cells[place], s.cells[place], f.tiles[point.tile], state)
 

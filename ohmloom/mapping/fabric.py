@@ -11,16 +11,14 @@ import numpy as np
 from ohmloom._arrays import FloatArray, IntArray
 from ohmloom.devices import Device
 from ohmloom.devices.laws import LAWS
-from ohmloom.errors import MappingError
 from ohmloom.mapping import _fabric as f
 from ohmloom.mapping.die import UNFORMED, Die, physical_shape
 from ohmloom.mapping.hardware import DriveSpec, Hardware
 from ohmloom.mapping.plan import Plan
 from ohmloom.mapping.repair import STUCK_OFF, STUCK_ON
-from ohmloom.mapping.waveform import event_table, phase_arrays
+from ohmloom.mapping.waveform import phase_arrays
 from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, MEM_LIFETIME, PLASTIC_KINDS
 from ohmloom.neurocontroller.plain import stdp_sign
-from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP
 from ohmloom.neurocontroller.rules import INPUTS, OUTPUTS
 
 TIMESTEP = 0.032  # [s], Section VIII-A
@@ -67,7 +65,7 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
     law = np.array([LAW_INDEX[device.law] for device in devices], dtype=np.int64)
     g_on = np.array([float(device.conductance(1.0)) for device in devices])
     g_off = np.array([float(device.conductance(0.0)) for device in devices])
-    reference = np.where([tile.has_reference for tile in plan.tiles], g_off, 0.0) if devices else np.zeros(0)
+    reference = np.where([tile.subtracts_off for tile in plan.tiles], g_off, 0.0) if devices else np.zeros(0)
     closed = FLUX if drive.mode == "voltage" else CHARGE
     family = np.array(
         [
@@ -111,7 +109,11 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
             pulses[t].duration, coordinate(t, 0.0), coordinate(t, 1.0), parameters[t],
         )  # fmt: skip
     neurons = np.zeros(n, dtype=f.NEURON_FIELDS)
-    neurons["a"], neurons["b"], neurons["y_thresh"] = _biases(die), r.b * die.neuron_leak, r.y_thresh * die.neuron_threshold
+    neurons["a"], neurons["b"], neurons["y_thresh"] = (
+        _biases(die),
+        r.b * die.neuron_leak,
+        r.y_thresh * die.neuron_threshold,
+    )
     neurons["offset"], neurons["full_scale"] = die.sense_offset, _full_scale(plan)
     constants = np.zeros(1, dtype=f.CONSTANT_FIELDS)
     constants[0] = (
@@ -248,6 +250,7 @@ def _cells(die: Die) -> list[_Cell]:
     for t, tile in enumerate(plan.tiles):
         device, repair, faults = cards[tile.kind], die.repairs[t], die.faults[t]
         g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
+        seconds = _second_devices(plan, t)
         of_fault = {STUCK_ON: g_on, STUCK_OFF: g_off, UNFORMED: unformed}
         is_plastic = tile.kind in PLASTIC_KINDS
         for i, sender in enumerate(tile.rows):
@@ -260,6 +263,8 @@ def _cells(die: Die) -> list[_Cell]:
                     fixed = of_fault.get(fault)
                     if fixed is None and not is_plastic:
                         fixed = float(device.conductance(state))
+                elif (i, j) in seconds:
+                    continue  # subtracted as a reference, or one of the lines' still conductances
                 else:
                     polarity = _row_polarity(plan, sender) * tile.column_signs[j]
                     state, fixed = 0.0, _disabled(array.disabled, fault, of_fault, unformed, g_off, is_plastic)
@@ -270,6 +275,16 @@ def _cells(die: Die) -> list[_Cell]:
                     receiver=receiver, polarity=polarity, state=state, fixed=fixed,
                 ))  # fmt: skip
     return found
+
+
+def _second_devices(plan: Plan, t: int) -> set[tuple[int, int]]:
+    """Logical crosspoints of the devices at G_off that make pairs of a tile's synapses."""
+    tile = plan.tiles[t]
+    if not tile.is_differential:
+        return set()
+    line = {pair: j for j, pair in enumerate(zip(tile.columns, tile.column_signs, strict=True))}
+    points = [point for point in plan.crosspoints if point.tile == t]
+    return {(p.row, line[tile.columns[p.column], -tile.column_signs[p.column]]) for p in points}
 
 
 def _disabled(
@@ -373,6 +388,8 @@ def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int]) -> f.Wires | f.
         (rows, columns), repair, pad = physical_shape(plan, t), die.repairs[t], _padding(plan, t)
         row_neuron[t, pad + repair.rows] = tile.rows
         column_neuron[t, repair.columns] = tile.columns
+        for i, j in _second_devices(plan, t):
+            still[t, pad + repair.rows[i], repair.columns[j]] = g_off[t]
         if tile.has_reference:
             reference[t] = columns
             still[t, pad : pad + rows, columns] = g_off[t]
@@ -399,25 +416,3 @@ def _reads(die: Die, taps: IntArray) -> tuple[Any, IntArray]:
     reads = np.array([entry for *_, entry in found], dtype=f.READ_FIELDS)
     receivers = [receiver for receiver, *_ in found]
     return reads, np.searchsorted(receivers, np.arange(plan.network.neurons + 1)).astype(np.int64)
-
-
-def check_events(plan: Plan) -> None:
-    """Refuse a drive that a device of the plan cannot follow.
-
-    Raises
-    ------
-    MappingError
-        Names the limit, the kind and the card.
-    """
-    drive = plan.hardware.drive
-    for tile in plan.tiles:
-        if tile.kind not in PLASTIC_KINDS:
-            continue
-        device = plan.hardware.devices[tile.kind]
-        if drive.mode == "exact_width" and LAWS[device.law].flux is None:
-            raise MappingError(f"{plan.hardware.name}: drive.mode: expected another mode for {tile.kind}, since no closed form gives "
-                               f"the width of a pulse for the law {device.law!r} of the card {device.name!r}, got "
-                               "'exact_width'. Use 'charge_metered' or 'voltage'.")  # fmt: skip
-
-
-__all__ = ["PulseOf", "build_fabric", "check_events", "event_table", "pulse_area", "pulse_of"]

@@ -372,6 +372,16 @@ class Hardware(_HardwareFile):
                         found[f"{section}.{name}"] = value
         return found
 
+    def assumptions(self) -> list[str]:
+        """What nobody but the spec's author stands behind, a line each."""
+        from ohmloom.units import format_quantity
+
+        return [
+            f"{name} = {format_quantity(q.value, UNITS[name])}, {q.source.removeprefix('assumed').lstrip(': ')}"
+            for name, q in self.quantities().items()
+            if q.is_assumed
+        ]
+
     def _repr_html_(self) -> str:
         from html import escape
 
