@@ -2,9 +2,10 @@
 
 from ohmloom.mapping.cost import Cost, CostLine, plan_cost
 from ohmloom.mapping.die import Die
-from ohmloom.mapping.emulated import EmulatedController, Ledger
+from ohmloom.mapping.emulated import EmulatedController
 from ohmloom.mapping.grid import Grid, tile_crossbar, tile_deck, tile_grid, tile_netlist
 from ohmloom.mapping.hardware import Hardware
+from ohmloom.mapping.ledger import Ledger
 from ohmloom.mapping.placing import place
 from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
 from ohmloom.mapping.plan_yield import plan_yield

@@ -9,15 +9,16 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ohmloom._arrays import FloatArray
-from ohmloom.devices import Device
+from ohmloom.devices import LAWS, Device
 from ohmloom.errors import MappingError, expect_type
 from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.placement import MOST_SWEEPS, Wires
-from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile, reads_with_reference
+from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
 from ohmloom.mapping.tiling import Tiling, split_demand
 from ohmloom.mapping.waveform import check_rule
 from ohmloom.neurocontroller import KINDS, Network
-from ohmloom.neurocontroller.kinds import MEM_LIFETIME
+from ohmloom.neurocontroller.device_levels import lowest_weight, state_of_weight
+from ohmloom.neurocontroller.kinds import MEM_LIFETIME, reads_with_reference
 
 READ_ERROR: Final = 0.01  # without limits.read_error: the limit of the figure of that name
 WEIGHT_TOLERANCE: Final = 1e-9  # rounding of G_off/G_on against a weight of exactly that size
@@ -53,6 +54,7 @@ def placed(network: Network, hardware: Hardware, *, sweeps: int = MOST_SWEEPS) -
     _check_readings(network, hardware)
     _check_kinds(network, hardware)
     _check_compliance(network, hardware)
+    _check_widths(network, hardware)
     tiles = [tile for kind in _kinds(network) for tile in _tiles(network, hardware, kind, sweeps)]
     return Plan(
         network=network, hardware=hardware, tiles=tuple(tiles), crosspoints=crosspoints(network, hardware, tiles)
@@ -181,6 +183,16 @@ def _check_compliance(network: Network, hardware: Hardware) -> None:
                                    f"{unit}. Use another card, or a lower or longer pulse.")  # fmt: skip
 
 
+def _check_widths(network: Network, hardware: Hardware) -> None:
+    """Refuse pulses whose width no closed form gives."""
+    for kind in _kinds(network):
+        device = hardware.devices[kind]
+        if hardware.drive.mode == "exact_width" and kind != "constant" and LAWS[device.law].flux is None:
+            raise MappingError(f"{hardware.name}: drive.mode: expected 'charge_metered' or 'voltage' for the kind {kind}, "
+                               f"since no closed form gives the width of its pulses (card {device.name}, law "
+                               f"{device.law}), got 'exact_width'. Use one of these.")  # fmt: skip
+
+
 class _Demand(NamedTuple):
     """What decides the tiles of a kind, hashable: the same network is placed more than once in a command."""
 
@@ -270,11 +282,10 @@ def _check_room(network: Network, hardware: Hardware, kind: str, has_reference: 
 
 def _initial_state(network: Network, device: Device, subtracts_off: bool, k: int) -> float:
     synapse = network.synapses[k]
-    g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
-    wanted = synapse.weight * (g_on - g_off) + g_off if subtracts_off else synapse.weight * g_on
-    if wanted < g_off * (1.0 - WEIGHT_TOLERANCE):
+    lowest = lowest_weight(device, has_reference=subtracts_off)
+    if synapse.weight < lowest * (1.0 - WEIGHT_TOLERANCE):
         raise MappingError(
-            f"{network.name}: synapses[{k}].weight: expected at least G_off/G_on = {g_off / g_on:g} of the card "
+            f"{network.name}: synapses[{k}].weight: expected at least G_off/G_on = {lowest:g} of the card "
             f"{device.name!r}, got {synapse.weight}. Use a card with a larger ratio."
         )
-    return float(device.state_at_weight(min(max(wanted / g_on, g_off / g_on), 1.0)))
+    return state_of_weight(device, synapse.weight, has_reference=subtracts_off)

@@ -223,8 +223,3 @@ def _tile(entry: dict[str, Any]) -> Tile:
     error = entry.get("read_error")
     lists = {name: tuple(int(x) for x in entry[name]) for name in ("rows", "columns", "column_signs")}
     return Tile(**{**entry, **lists, "read_error": None if error is None else ReadErrors(**error)})
-
-
-def reads_with_reference(kind: str) -> bool:
-    """Linear and constant kinds have W = (G - G_off)/(G_on - G_off); the memristive ones W = G/G_on."""
-    return kind in ("linear", "constant")

@@ -14,9 +14,8 @@ from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
 from ohmloom.errors import FileFormatError, expect_integer
 from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, event_table, place
-from ohmloom.mapping.plan import reads_with_reference
 from ohmloom.neurocontroller import LATTICES, Network, SpikingController
-from ohmloom.neurocontroller.kinds import charge_levels
+from ohmloom.neurocontroller.kinds import charge_levels, reads_with_reference
 from ohmloom.neurocontroller.plain import stdp_sign
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
