@@ -203,6 +203,7 @@ class _Demand(NamedTuple):
     wires: tuple[tuple[str, float], ...]
     reference: float | None
     spare: tuple[int, int]
+    together: int
     sweeps: int
 
 
@@ -211,7 +212,8 @@ def _split(demand: _Demand) -> Tiling:
     g: FloatArray = np.frombuffer(demand.conductance).reshape(demand.shape)
     return split_demand(
         g, max_rows=demand.most[0], max_columns=demand.most[1], limit=demand.limit, wires=Wires(**dict(demand.wires)),
-        reference=demand.reference, spare=demand.spare, sweeps=demand.sweeps,
+        reference=demand.reference, spare=demand.spare, together=demand.together,
+        sweeps=demand.sweeps,
     )  # fmt: skip
 
 
@@ -226,7 +228,8 @@ def _tiles(network: Network, hardware: Hardware, kind: str, sweeps: int) -> list
     limit = READ_ERROR if hardware.limits.read_error is None else hardware.limits.read_error.value
     tiling = _split(_Demand(
         g.tobytes(), (len(rows), len(lines)), (array.max_rows, array.max_columns), limit,
-        tuple(hardware.wires.resistances.items()), g_off if has_reference else None, spare, sweeps,
+        tuple(hardware.wires.resistances.items()), g_off if has_reference else None, spare,
+        2 if is_differential else 1, sweeps,
     ))  # fmt: skip
     tiles = []
     for block in tiling.blocks:
@@ -268,14 +271,16 @@ def _demand(network: Network, hardware: Hardware, kind: str) -> tuple[list[int],
 
 def _check_room(network: Network, hardware: Hardware, kind: str, has_reference: bool) -> None:
     array = hardware.array
-    beside = {"rows": array.spare_rows, "columns": array.spare_columns + has_reference}
-    for name, others in beside.items():
+    pair = array.signs == "differential_pair"
+    beside = {"rows": array.spare_rows + 1, "columns": array.spare_columns + has_reference + 1 + pair}
+    for name, least in beside.items():
         most = getattr(array, f"max_{name}")
-        if most <= others:
+        if most < least:
             k, first = next((k, s) for k, s in enumerate(network.synapses) if s.kind == kind)
+            line = "pair of lines" if pair and name == "columns" else "line"
             what = "spare rows" if name == "rows" else "spare columns and the reference column"
-            raise MappingError(f"{hardware.name}: array.max_{name}: expected at least {others + 1} for the {kind} "
-                               f"tile of {network.name}, one line beside the {what}, got {most}; synapses[{k}] "
+            raise MappingError(f"{hardware.name}: array.max_{name}: expected at least {least} for the {kind} "
+                               f"tile of {network.name}, one {line} beside the {what}, got {most}; synapses[{k}] "
                                f"({first.pre} -> {first.post}) is the first without a line. Enlarge the "
                                "array.")  # fmt: skip
 

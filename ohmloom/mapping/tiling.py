@@ -50,7 +50,7 @@ class Tiling:
     limit
         Read error that was asked for.
     is_within
-        Whether every tile stays under it. False only where a single device on a tile of its own would not, so that no
+        Whether every tile stays under it. False only where a single device (or pair) on a tile of its own would not, so that no
         size helps; the tiles are then as large as the array allows.
     """
 
@@ -115,6 +115,7 @@ def split_demand(
     wires: Wires | None = None,
     reference: float | None = None,
     spare: tuple[int, int] = (0, 0),
+    together: int = 1,
     sweeps: int = MOST_SWEEPS,
     activity: npt.ArrayLike | None = None,
     name: Callable[[int, int], str] | None = None,
@@ -140,6 +141,8 @@ def split_demand(
         Conductance of a device of the reference column [S]; None if tiles have none.
     spare
         Spare rows and columns of each tile, after its last row, and between its last column and the reference.
+    together
+        So many neighbouring columns stay on one tile, such as the two of a differential pair.
     sweeps
         Swaps of lines at most, in each tile; 0 only sorts them.
     activity
@@ -170,24 +173,30 @@ def split_demand(
     first_name = f"crosspoint {first}" if name is None else name(*first)
     extra = (spare[0], spare[1] + (reference is not None))
     for axis, most, others in ((0, max_rows, "spare rows"), (1, max_columns, "spare columns and the reference column")):
-        if most - extra[axis] < 1:
+        least = extra[axis] + (together if axis else 1)
+        if most < least:
             raise MappingError(f"split_demand.max_{'columns' if axis else 'rows'}: expected at least "
-                               f"{extra[axis] + 1}, for a line beside the {others}, got {most}; {first_name} is the "
+                               f"{least}, for a line beside the {others}, got {most}; {first_name} is the "
                                "first without a line. Enlarge the array.")  # fmt: skip
+    together = expect_integer("split_demand.together", together, 1)
     made = _Array(
-        wires=Wires() if wires is None else wires, reference=reference, spare=spare, sweeps=sweeps, activity=spiking
+        wires=Wires() if wires is None else wires,
+        reference=reference,
+        spare=spare,
+        together=together,
+        sweeps=sweeps,
+        activity=spiking,
     )
     i, j = divmod(int(g.argmax()), g.shape[1])
     alone = _block(g, np.array([i]), np.array([j]), made)
     assert alone is not None
     # What breaks the limit alone breaks it in every tile, and more tiles would only cost more.
-    is_within = alone.read_error <= limit
-    asked = limit if is_within else np.inf
-    for groups in _cuts(g, max_rows - extra[0], max_columns - extra[1], asked, made):
-        blocks = _blocks(g, groups, asked, made)
-        if blocks is not None:
-            return Tiling(blocks=blocks, limit=limit, is_within=is_within)
-    raise AssertionError("the cut into single crosspoints comes last and passes")
+    for asked in [limit, np.inf] if alone.read_error <= limit else [np.inf]:
+        for groups in _cuts(g, max_rows - extra[0], max_columns - extra[1], asked, made):
+            blocks = _blocks(g, groups, asked, made)
+            if blocks is not None:
+                return Tiling(blocks=blocks, limit=limit, is_within=asked == limit)
+    raise AssertionError("without a limit the first cut passes")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,6 +206,7 @@ class _Array:
     wires: Wires
     reference: float | None
     spare: tuple[int, int]
+    together: int
     sweeps: int
     activity: FloatArray
 
@@ -208,15 +218,15 @@ class _Array:
 
 def _cuts(g: FloatArray, rows: int, columns: int, limit: float, made: _Array) -> Iterator[tuple[int, int]]:
     """Numbers of groups of rows and of columns, fewest tiles first, without those whose estimate is far off."""
-    m, n = g.shape
+    m, n, width = g.shape[0], g.shape[1] // made.together, made.together
     mean = float(g[g > 0.0].mean())
     density = float((g > 0.0).mean())
 
     def entry(a: int, b: int) -> tuple[int, float, int, int]:
-        size = (-(-m // a) + made.extra[0], -(-n // b) + made.extra[1])
+        size = (-(-m // a) + made.extra[0], -(-n // b) * width + made.extra[1])
         return a * b, estimated_error(*size, conductance=mean, density=density, wires=made.wires), a, b
 
-    fewest = (-(-m // rows), -(-n // columns))
+    fewest = (-(-m // rows), -(-n // (columns // width)))
     queue, seen = [entry(*fewest)], {fewest}
     while queue:
         _, estimate, a, b = heapq.heappop(queue)
@@ -232,7 +242,8 @@ def _blocks(g: FloatArray, groups: tuple[int, int], limit: float, made: _Array) 
     """The tiles of one cut, or None if one of them breaks the limit."""
     found = []
     for rows in np.array_split(np.arange(g.shape[0]), groups[0]):
-        for columns in np.array_split(np.arange(g.shape[1]), groups[1]):
+        for units in np.array_split(np.arange(g.shape[1] // made.together), groups[1]):
+            columns = (units[:, None] * made.together + np.arange(made.together)).ravel()
             block = _block(g, rows, columns, made)
             if block is None:
                 continue

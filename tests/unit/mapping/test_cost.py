@@ -135,10 +135,9 @@ def test_ways_are_compared_with_sorted_lines():
 
 
 def test_a_way_that_does_not_fit_says_why():
-    narrow = plan("hp_1t1r", champion("GA"), array={"max_columns": 1, "signs": "differential_pair"})
-    signs = {cost.signs: cost for cost in plan_cost(narrow).signs}
-    assert "array.max_columns: expected at least 2" in signs["row_polarity"].problem
-    assert signs["differential_pair"].problem == ""
+    signs = {cost.signs: cost for cost in plan_cost(plan(array={"max_columns": 1})).signs}
+    assert "array.max_columns: expected at least 2" in signs["differential_pair"].problem
+    assert signs["row_polarity"].problem == signs["column_pair"].problem == ""
 
 
 def test_skewed_clocks_count_area_only():

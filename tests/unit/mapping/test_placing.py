@@ -106,6 +106,7 @@ def test_spare_lines_lengthen_the_wires():
     [
         ({"max_rows": 2, "spare_rows": 2}, r"array\.max_rows: expected at least 3 for the constant tile"),
         ({"max_columns": 1}, r"array\.max_columns: expected at least 2 for the constant tile"),
+        ({"max_columns": 1, "signs": "differential_pair"}, r"expected at least 2 .*, one pair of lines beside"),
     ],
 )
 def test_an_array_without_room_for_a_line_names_the_synapse(array, text):
@@ -130,6 +131,15 @@ def test_a_differential_pair_has_a_second_line_for_every_synapse():
     for point, synapse in zip(plan.crosspoints, GA.synapses, strict=True):
         assert tile.column_signs[point.column] == GA.sign(synapse.pre)
         assert (synapse.post, -tile.column_signs[point.column]) in lines
+
+
+def test_both_lines_of_a_pair_stay_on_one_tile():
+    plan = place(GA, spec(signs="differential_pair", wires=0.0, max_rows=7, max_columns=5))
+    assert len(plan.tiles) > 4
+    for tile in plan.tiles:
+        assert len(tile.columns) <= 4
+        lines = set(zip(tile.columns, tile.column_signs, strict=True))
+        assert {(post, -sign) for post, sign in lines} == lines
 
 
 def test_memristive_differential_pairs_start_at_the_weight_that_is_left_after_subtraction():
