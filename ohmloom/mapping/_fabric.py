@@ -112,9 +112,9 @@ class Fabric(NamedTuple):
     phase: FloatArray  # (phase,) duration in pulses
     levels: FloatArray  # (phase, ROW or COLUMN_LINE, ls) in units of the waveform
     # Their types say what is compiled.
-    wires: NoWires | Wires
-    pulses: ClosedPulses | AnyPulses
-    lines: SelectedCells | DrivenLines
+    wires: Any  # NoWires or Wires
+    pulses: Any  # ClosedPulses or AnyPulses
+    lines: Any  # SelectedCells or DrivenLines
 
 
 class NoWires(NamedTuple):
@@ -191,7 +191,7 @@ class FabricState(NamedTuple):
     busy: FloatArray  # (tile, column, sign) programming time of this step [s]
     total: FloatArray  # (TOTALS,)
     is_stale: BoolArray  # (tile,) whether what columns read through wires is of other conductances
-    lines: NoWires | LineState
+    lines: Any  # NoWires or LineState
 
 
 def empty_state(f: Fabric, *, slots: int, columns: int, scratch: int) -> FabricState:

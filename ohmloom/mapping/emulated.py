@@ -15,6 +15,7 @@ from ohmloom.mapping.die import Die
 from ohmloom.mapping.ledger import Ledger
 from ohmloom.mapping.plan import Plan
 from ohmloom.neurocontroller.controller import ACTIONS, checked_sensors
+from ohmloom.neurocontroller.device_levels import state_of_weight
 
 
 class EmulatedController:
@@ -149,16 +150,19 @@ class EmulatedController:
     @property
     def read_weights(self) -> FloatArray:
         """Weights as read through wires and gains, without noise, in the network's order."""
+        from ohmloom.mapping._wire_kernels import update_reads
+
         f, s = self._fabric, self._state
         if not self._is_wired:
             values: FloatArray = self._in_order(np.abs(s.cells["weight"]))
             return values
-        self._kernels.update_reads(f, s)
+        update_reads(f, s)
         self.check_solved()
         place = {(r["tile"], r["row"], r["column"]): k for k, r in enumerate(f.reads)}
         cells = f.cells[self._order]
         read = [place[c["tile"], c["row"], c["column"]] for c in cells]
-        return np.abs(s.reads["weight"][read])
+        seen: FloatArray = np.abs(s.reads["weight"][read])
+        return seen
 
     @property
     def membranes(self) -> FloatArray:
@@ -203,7 +207,7 @@ class EmulatedController:
         weights
             (synapse,) in the network's order.
         """
-        from ohmloom.neurocontroller.device_levels import state_of_weight
+        from ohmloom.mapping._cell_kernels import place_at
 
         s = self._state
         s.neurons["y"], s.neurons["ls"] = membranes, ls
@@ -213,10 +217,10 @@ class EmulatedController:
             if now != weights[point.synapse]:
                 tile = tiles[point.tile]
                 state = state_of_weight(
-                    devices[tile.kind], float(weights[point.synapse]), has_reference=tile.has_reference
+                    devices[tile.kind], float(weights[point.synapse]), has_reference=tile.subtracts_off
                 )
                 f = self._fabric
-                self._kernels.place_at(f.pulses, f.cells[place], s.cells[place], f.tiles[point.tile], state)
+                place_at(f.pulses, f.cells[place], s.cells[place], f.tiles[point.tile], state)
 
     def _in_order(self, values: Any) -> Any:
         return values[self._order]
@@ -227,7 +231,8 @@ class EmulatedController:
 
     def _span(self) -> FloatArray:
         """Conductance between W = 0 (or no device) and W = 1, (cell,)."""
-        return self._of_tile("g_on") - self._of_tile("reference")
+        span: FloatArray = self._of_tile("g_on") - self._of_tile("reference")
+        return span
 
     def _of_tile(self, name: str) -> Any:
         return self._fabric.tiles[name][self._fabric.cells["tile"]]

@@ -17,6 +17,7 @@ from ohmloom.mapping.hardware import DriveSpec, Hardware
 from ohmloom.mapping.plan import Plan
 from ohmloom.mapping.repair import STUCK_OFF, STUCK_ON
 from ohmloom.mapping.waveform import phase_arrays
+from ohmloom.neurocontroller.device_levels import state_of_weight
 from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, MEM_LIFETIME, PLASTIC_KINDS
 from ohmloom.neurocontroller.plain import stdp_sign
 from ohmloom.neurocontroller.rules import INPUTS, OUTPUTS
@@ -74,7 +75,7 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
         ],
         dtype=np.int64,
     )
-    pulses = [pulse_of(hardware, tile.kind, reference[t] > 0.0) for t, tile in enumerate(plan.tiles)]
+    pulses = [pulse_of(hardware, tile.kind, has_reference=tile.subtracts_off) for tile in plan.tiles]
 
     def coordinate(t: int, s: float) -> float:
         return float(flux(law[t], s, parameters[t])) if family[t] == FLUX else s
@@ -147,15 +148,13 @@ class PulseOf:
     duration: float
 
 
-def pulse_of(hardware: Hardware, kind: str, has_reference: bool) -> PulseOf:
+def pulse_of(hardware: Hardware, kind: str, *, has_reference: bool) -> PulseOf:
     """The pulse that writes one event on a kind: as the spec says, else right at W = 0.5."""
     drive, device = hardware.drive, hardware.devices[kind]
     if drive.mode in ("charge_metered", "exact_width") or kind not in PLASTIC_KINDS:
         return PulseOf(flux=0.0, duration=0.0)
     if drive.pulse_duration is not None:
         return PulseOf(flux=drive.pulse_voltage.value * drive.pulse_duration.value, duration=drive.pulse_duration.value)
-    from ohmloom.neurocontroller.device_levels import state_of_weight
-
     s, v = state_of_weight(device, INITIAL_WEIGHT, has_reference=has_reference), drive.pulse_voltage.value
     g = float(device.conductance(s, v))
     if LAWS[device.law].flux is not None:

@@ -118,11 +118,12 @@ _LIST = (
 )  # fmt: skip
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _LIST}
 
+_FIELDS: dict[str, Any] = {effect.name: (effect.rule | None, None) for effect in _LIST}
 NonIdealitySpec: Any = create_model(
     "NonIdealitySpec",
     __base__=StrictModel,
     __doc__="Values of the effects of `EFFECTS`; one that is left out does not act.",
-    **{effect.name: (effect.rule | None, None) for effect in _LIST},
+    **_FIELDS,
 )
 
 

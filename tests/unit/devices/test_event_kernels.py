@@ -59,7 +59,7 @@ def test_only_an_ideal_law_has_a_state_at_a_flux(name):
 
 
 @pytest.mark.parametrize("name", ["hp_tio2", "linear", "peo_pani"])
-def test_an_iterated_inverse_does_not_leave_the_walls(name):
+def test_flux_events_rest_on_walls(name):
     device, law, p = setup(name)
     top = float(LAWS[device.law].flux(1.0, p))
     state, origin, count = events.event_state(law, events.FLUX, 0.0, 1.0, top * 2.0, p, 0.0, top)
