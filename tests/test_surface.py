@@ -21,6 +21,12 @@ SURFACE = {
         "Trace", "charge_revisit", "compare", "fit",
     ],
     "ohmloom.fmu": ["Check", "CheckRow", "Export", "FmuTrace", "check", "export_device", "run"],
+    "ohmloom.mapping": [
+        "WAVEFORMS", "Cost", "CostLine", "Crosspoint", "Die", "EmulatedController", "Grid", "Hardware", "Ledger",
+        "Plan", "Quantity", "ReadErrors", "ResetPlan", "Schedule", "Slot", "Tile", "Waveform", "event_table",
+        "place", "plan_cost", "plan_reset", "plan_yield", "pulse_schedule", "tile_crossbar", "tile_deck",
+        "tile_grid", "tile_netlist",
+    ],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",
         "SpikingController", "Synapse", "champion", "mutate",

@@ -50,8 +50,8 @@ class Tiling:
     limit
         Read error that was asked for.
     is_within
-        Whether every tile stays under it. False only where a single device (or pair) on a tile of its own would not, so that no
-        size helps; the tiles are then as large as the array allows.
+        Whether every tile stays under it. False only where a single device (or pair) on a tile of its own would not,
+        so that no size helps; the tiles are then as large as the array allows.
     """
 
     blocks: tuple[Block, ...]
