@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 DEVICE: Final = 0.76  # side of a device's square; lines are 1 apart
 SECOND: Final = 0.45  # side of the second device of a pair
 REFERENCE_GAP: Final = 0.6  # more space between the last bit line and the reference column
-LINE_COLOUR, INVERTED_COLOUR, EXCITATORY_COLOUR = "#8a9099", "#c03a2b", "#1f5fa8"
+LINE_COLOUR, INVERTED_COLOUR, EXCITATORY_COLOUR = "#8a9099", "#c03a2b", "#2a76c6"
 ON_DARK, ON_BRIGHT = "#fdfdfd", "#101010"
 MOST_INCHES: Final = 12.0
 
