@@ -11,6 +11,7 @@ import numpy as np
 
 from ohmloom.devices import LAWS, Device
 from ohmloom.mapping.hardware import Hardware
+from ohmloom.neurocontroller.device_levels import state_of_weight
 from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, MEM_LIFETIME
 
 STATES: Final = 129  # at which a law is asked whether a voltage moves it that way at all
@@ -59,17 +60,23 @@ def passage(device: Device, start: float, end: float, hardware: Hardware) -> Pas
     return _passage(device, start, end, drive.pulse_voltage.value, None)
 
 
-def pulse_duration(device: Device, hardware: Hardware) -> float | None:
+def pulse_duration(device: Device, hardware: Hardware, *, has_reference: bool = False) -> float | None:
     """Length of a programming pulse [s]; None where it depends on the state (charge-metered, exact width).
 
-    Where the spec of a fixed voltage names none, it is what moves a device up by one event at W = 0.5.
+    Where the spec of a fixed voltage names none, it is what one event takes at the rate of W = 0.5; infinite where that
+    voltage does not move the device up.
+
+    Parameters
+    ----------
+    device, hardware
+        The device and what drives it.
+    has_reference
+        Whether the tile subtracts G_off, which says where W = 0.5 is.
     """
     drive = hardware.drive
     if drive.pulse_duration is not None:
         return drive.pulse_duration.value
-    if drive.mode != "voltage":
-        return None
-    return _duration_at_half(device, drive.pulse_voltage.value)
+    return _duration_at_half(device, drive.pulse_voltage.value, has_reference) if drive.mode == "voltage" else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +88,9 @@ class Pulse:
     energy: float
 
 
-def pulse(device: Device, state: float, sign: int, hardware: Hardware, share: float = 1.0) -> Pulse:
+def pulse(
+    device: Device, state: float, sign: int, hardware: Hardware, *, share: float = 1.0, has_reference: bool = False
+) -> Pulse:
     """One programming pulse on a device.
 
     Parameters
@@ -94,8 +103,10 @@ def pulse(device: Device, state: float, sign: int, hardware: Hardware, share: fl
         Gives the drive.
     share
         Part of a whole pulse, as in a waveform with phases.
+    has_reference
+        As for `pulse_duration`.
     """
-    fixed = pulse_duration(device, hardware)
+    fixed = pulse_duration(device, hardware, has_reference=has_reference)
     if hardware.drive.mode != "voltage":
         after = min(max(state + sign * share / MEM_LIFETIME, 0.0), 1.0)
         way = passage(device, state, after, hardware)
@@ -126,9 +137,11 @@ def pulse(device: Device, state: float, sign: int, hardware: Hardware, share: fl
 
 
 @lru_cache(maxsize=64)
-def _duration_at_half(device: Device, volts: float) -> float:
-    middle = float(device.state_at_weight(INITIAL_WEIGHT))
-    return _passage(device, middle, min(middle + 1.0 / MEM_LIFETIME, 1.0), volts, None).duration
+def _duration_at_half(device: Device, volts: float, has_reference: bool) -> float:
+    s, law = state_of_weight(device, INITIAL_WEIGHT, has_reference=has_reference), LAWS[device.law]
+    i = float(device.conductance(s, volts)) * volts
+    rate = float(law.charge_rate(s, volts, i, device._p))
+    return device.charge_scale / MEM_LIFETIME / rate if rate > 0.0 else math.inf
 
 
 @lru_cache(maxsize=4096)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
@@ -12,6 +13,7 @@ from ohmloom._arrays import FloatArray
 from ohmloom.devices import LAWS, Device
 from ohmloom.errors import MappingError, expect_type
 from ohmloom.mapping.hardware import Hardware
+from ohmloom.mapping.passage import pulse_duration
 from ohmloom.mapping.placement import MOST_SWEEPS, Wires
 from ohmloom.mapping.plan import Crosspoint, Plan, ReadErrors, Tile
 from ohmloom.mapping.tiling import Tiling, split_demand
@@ -55,6 +57,7 @@ def placed(network: Network, hardware: Hardware, *, sweeps: int = MOST_SWEEPS) -
     _check_kinds(network, hardware)
     _check_compliance(network, hardware)
     _check_widths(network, hardware)
+    _check_reach(network, hardware)
     tiles = [tile for kind in _kinds(network) for tile in _tiles(network, hardware, kind, sweeps)]
     return Plan(
         network=network, hardware=hardware, tiles=tuple(tiles), crosspoints=crosspoints(network, hardware, tiles)
@@ -191,6 +194,16 @@ def _check_widths(network: Network, hardware: Hardware) -> None:
             raise MappingError(f"{hardware.name}: drive.mode: expected 'charge_metered' or 'voltage' for the kind {kind}, "
                                f"since no closed form gives the width of its pulses (card {device.name}, law "
                                f"{device.law}), got 'exact_width'. Use one of these.")  # fmt: skip
+
+
+def _check_reach(network: Network, hardware: Hardware) -> None:
+    """Refuse pulses that do not move a device at W = 0.5 at all: for them no duration is right."""
+    for kind in _kinds(network):
+        device = hardware.devices[kind]
+        if kind != "constant" and pulse_duration(device, hardware) == math.inf:
+            raise MappingError(f"{hardware.name}: drive.pulse_voltage: expected a voltage that moves the {kind} "
+                               f"device {device.name} up at W = 0.5, got {hardware.drive.pulse_voltage.value:g} V. "
+                               "Raise it, or give drive.pulse_duration.")  # fmt: skip
 
 
 class _Demand(NamedTuple):

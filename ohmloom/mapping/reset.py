@@ -131,7 +131,7 @@ def plan_reset(plan: Plan) -> ResetPlan:
         chosen = down if is_down else up
         tolerance = _tolerance(device, hardware)
         part = _last_part(device, point.state, tolerance)
-        pulses = _pulses(device, hardware, chosen, part)
+        pulses = _pulses(device, hardware, chosen, part, plan.tiles[point.tile].subtracts_off)
         found.append(DeviceReset(
             synapse=point.synapse, tile=point.tile, row=point.row, column=point.column, target=point.conductance,
             tolerance=tolerance, from_off=up.duration, from_on=down.duration, start=int(is_down),
@@ -160,8 +160,8 @@ def _last_part(device: Device, state: float, tolerance: float) -> float:
     return 1.0 if tolerance == 0.0 else min(1.0, 2.0 * tolerance / step)
 
 
-def _pulses(device: Device, hardware: Hardware, chosen: Passage, part: float) -> int:
-    fixed = pulse_duration(device, hardware)
+def _pulses(device: Device, hardware: Hardware, chosen: Passage, part: float, has_reference: bool) -> int:
+    fixed = pulse_duration(device, hardware, has_reference=has_reference)
     whole = chosen.events if hardware.drive.mode != "voltage" or fixed is None else chosen.duration / fixed
     if not math.isfinite(whole):
         return 0

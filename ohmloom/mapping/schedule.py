@@ -256,11 +256,12 @@ def _all_at_once(plan: Plan, phase: Slot, fired: list[Event], states: FloatArray
     """Every line at its level; currents of both signs cannot share a line, voltages can."""
     kind, begin = plan.tiles[phase.tile].kind, phase.begin
     if plan.hardware.drive.mode == "voltage":
-        fixed = pulse_duration(plan.hardware.devices[kind], plan.hardware)
+        tile = plan.tiles[phase.tile]
+        fixed = pulse_duration(plan.hardware.devices[kind], plan.hardware, has_reference=tile.subtracts_off)
         assert fixed is not None
         duration = fixed * phase.duration
         idle = duration * sum(_power(plan, point, phase, states) for point in _others(plan, phase.tile, fired))
-        done = _moved(plan, kind, fired, states, phase.duration)
+        done = _moved(plan, phase, fired, states)
         if phase.rows or phase.columns:
             yield replace(phase, duration=duration, selected=_cells(fired), idle_energy=idle,
                           energy=sum(p.energy for p in done))  # fmt: skip
@@ -268,7 +269,7 @@ def _all_at_once(plan: Plan, phase: Slot, fired: list[Event], states: FloatArray
     for sign in (1, -1):
         group = [event for event in fired if event[1] == sign]
         if group:
-            done = _moved(plan, kind, group, states, phase.duration)
+            done = _moved(plan, phase, group, states)
             duration = max(p.duration for p in done)
             yield replace(phase, begin=begin, duration=duration, selected=_cells(group),
                           current=_current(plan, kind, sign), energy=sum(p.energy for p in done))  # fmt: skip
@@ -281,7 +282,7 @@ def _one_by_one(plan: Plan, phase: Slot, fired: list[Event], states: FloatArray)
     for point, sign in sorted(fired, key=lambda event: (event[0].column, event[0].row)):
         line = point.column if plan.hardware.drive.parallelism == "column" else 0
         begin = clocks.get(line, phase.begin)
-        done = _moved(plan, kind, [(point, sign)], states, phase.duration)[0]
+        done = _moved(plan, phase, [(point, sign)], states)[0]
         yield replace(
             phase, begin=begin, duration=done.duration, energy=done.energy,
             rows=tuple(r for r in phase.rows if r[0] == point.row),
@@ -295,11 +296,14 @@ def _cells(events: list[Event]) -> tuple[tuple[int, int], ...]:
     return tuple(sorted((point.row, point.column) for point, _ in events))
 
 
-def _moved(plan: Plan, kind: str, events: list[Event], states: FloatArray, share: float) -> list[Pulse]:
+def _moved(plan: Plan, phase: Slot, events: list[Event], states: FloatArray) -> list[Pulse]:
     """Write the cells; what each pulse did."""
-    device, done = plan.hardware.devices[kind], []
+    tile, done = plan.tiles[phase.tile], []
     for point, sign in events:
-        done.append(pulse(device, float(states[point.synapse]), sign, plan.hardware, share))
+        done.append(pulse(
+            plan.hardware.devices[tile.kind], float(states[point.synapse]), sign, plan.hardware, share=phase.duration,
+            has_reference=tile.subtracts_off,
+        ))  # fmt: skip
         states[point.synapse] = done[-1].state
     return done
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -76,7 +77,8 @@ class MapStudy:
         cost, reset = self.cost, self.reset
         return {
             "tiles": tiles, "synapses": len(self.plan.crosspoints), "utilisation": self.utilisation,
-            "reset": {"duration": reset.duration, "energy": reset.energy, "first_duration": reset.first_duration,
+            "reset": {"duration": _finite(reset.duration), "energy": _finite(reset.energy),
+                      "first_duration": _finite(reset.first_duration),
                       "pulses": sum(d.pulses for d in reset.devices if d.every_trial)},
             "cost": {"area": cost.total(AREA), "energy_per_timestep": cost.total(ENERGY),
                      "time_per_step": cost.total(TIME), "not_counted": list(cost.not_counted),
@@ -158,11 +160,14 @@ def map_words(study: MapStudy) -> Iterator[str]:
                    f"sampled tiles; {found.repaired:.1%} with repair")  # fmt: skip
     tiles = "1 tile" if len(plan.tiles) == 1 else f"{len(plan.tiles)} tiles"
     yield f"all {len(plan.crosspoints)} synapses placed on {tiles}, {study.utilisation:.0%} of the crosspoints used"
-    if any(device.every_trial for device in reset.devices):
+    lost = sum(not math.isfinite(device.duration) for device in reset.devices)
+    if lost:
+        yield f"reset: the drive cannot bring {lost} devices back from one end of their range"
+    elif any(device.every_trial for device in reset.devices):
         pulses = sum(d.pulses for d in reset.devices if d.every_trial)
         yield (f"reset takes {format_quantity(reset.duration, 's')} per trial at worst: {pulses:,} pulses, each with a "
                f"read, {format_quantity(reset.energy, 'J')}")  # fmt: skip
-    if reset.first_duration > 0.0:
+    if 0.0 < reset.first_duration < math.inf:
         yield f"programming the constant synapses takes {format_quantity(reset.first_duration, 's')}, once"
     yield (f"counted: {cost.total(AREA) * 1e6:.3g} mm2, {format_quantity(cost.total(ENERGY), 'J')} per timestep, "
            f"{format_quantity(cost.total(TIME), 's')} per step of 1.52 ms (first timestep, all sensors at "
@@ -174,6 +179,11 @@ def map_words(study: MapStudy) -> Iterator[str]:
         mark = " (this plan)" if way.signs == plan.hardware.array.signs else ""
         yield f"signs by {way.signs}{mark}: {way.problem or words}"
     yield from (f"not counted: {text}" for text in cost.not_counted)
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no infinity."""
+    return value if math.isfinite(value) else None
 
 
 def _has_train(plan: Plan) -> bool:

@@ -216,7 +216,7 @@ def _draw_write(plan: Plan, point: Crosspoint, ax: Axes) -> None:
         ax.text(end + 0.15, level, words, fontsize=7, color=colour, va="center")
     written = np.abs(seen) > threshold
     ax.fill_between(t, base, base + seen, where=list(written), color=UP, alpha=0.4, linewidth=0)
-    done = pulse(device, point.state, 1, hardware)
+    done = pulse(device, point.state, 1, hardware, has_reference=plan.tiles[point.tile].subtracts_off)
     before, after = (_weight(plan, point, state) for state in (point.state, done.state))
     ax.text(0.0, -3.0 * unit, f"Above the threshold: one event up. W goes from {before:.3g} to {after:.3g} "
             f"in {format_quantity(done.duration, 's')}.\nThe other way round, receiver first, it is one event down.",

@@ -86,10 +86,11 @@ def test_half_selected_devices_are_counted_where_all_lines_are_driven():
     placed = plan("hp_passive")
     cost = plan_cost(placed, pulse_schedule(placed, history((2, 0), (3, 6))))
     line = items(cost, ENERGY)["half-selected devices"]
-    g, pulse = placed.crosspoints[0].conductance, 19.30995e-6
+    g, pulse = placed.crosspoints[0].conductance, 0.99e-9 * 20e3
     assert line.count == 3
     # Half a volt on: 0 -> 6 in step 2; the two others in step 3, the event's; all three in step 4, the tails'.
-    after = 1.0 / (1.0 / g - 990.0)
+    # A volt for that long takes q to where M^2 is smaller by 2 (R_off - R_on)/q_d times the flux.
+    after = 1.0 / np.sqrt(1.0 / g**2 - 2.0 * 990e3 / 0.99e-6 * pulse)
     assert line.total == pytest.approx(pulse * 0.25 * (g + 2 * g + 2 * g + after), rel=1e-6)
 
 

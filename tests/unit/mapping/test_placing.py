@@ -178,3 +178,12 @@ def test_a_current_that_needs_too_much_voltage_is_named():
     with pytest.raises(MappingError, match=r"drive\.compliance_voltage: expected at least 1\.98 V, .* got 1\.9 V"):
         place(HP, spec("ideal", drive=volts))
     place(HP, spec("ideal", drive={"compliance_voltage": Quantity(value=2.0, source="definition")}))
+
+
+def test_a_voltage_that_moves_nothing_is_named():
+    weak = Quantity(value=0.3, source="definition")
+    half = Quantity(value=0.2, source="definition")
+    with pytest.raises(
+        MappingError, match=r"drive\.pulse_voltage: expected a voltage that moves the peo_pani device .*0\.3 V"
+    ):
+        place(champion("PEO"), spec("peo_pani_redox", drive={"pulse_voltage": weak, "threshold": half}))

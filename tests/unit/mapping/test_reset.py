@@ -7,6 +7,7 @@ import pytest
 
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import Hardware, place, plan_reset
+from ohmloom.mapping.fabric import pulse_of
 from ohmloom.mapping.passage import passage, pulse, pulse_duration
 from ohmloom.neurocontroller import Network, champion
 
@@ -100,8 +101,17 @@ def test_a_pulse_of_fixed_voltage_is_right_at_half_and_moves_a_redox_device_by_i
     middle = float(device.state_at_weight(0.5))
     done = pulse(device, middle, 1, hardware)
     assert done.duration == pulse_duration(device, hardware)
-    assert done.energy == pytest.approx(passage(device, middle, middle + 1e-3, hardware).energy, rel=1e-6)
-    assert done.state - middle == pytest.approx(1e-3, rel=1e-6)  # midpoint rule in 64 steps of a nearly straight line
+    # Over one event the rate of this card changes by less than two hundredths.
+    assert done.state - middle == pytest.approx(1e-3, rel=0.01)
+    way = passage(device, middle, done.state, hardware)
+    assert (way.duration, way.energy) == pytest.approx((done.duration, done.energy), rel=1e-6)
+
+
+@pytest.mark.parametrize(("spec", "kind"), [("hp_passive", "hp"), ("hp_strukov", "hp"), ("peo_pani_redox", "peo_pani")])
+def test_pulses_are_as_long_as_those_of_the_emulation(spec, kind):
+    hardware = Hardware.load(spec)
+    wanted = pulse_of(hardware, kind, has_reference=False).duration
+    assert pulse_duration(hardware.devices[kind], hardware) == pytest.approx(wanted, rel=1e-12)
 
 
 def test_what_a_drive_cannot_reach_takes_for_ever():
@@ -128,7 +138,7 @@ def test_a_current_carries_its_charge_through_the_mean_resistance():
 def test_a_part_of_a_pulse_moves_a_part_as_far(spec):
     hardware = Hardware.load(spec)
     device = hardware.devices["hp"]
-    whole, half = (pulse(device, 0.3, 1, hardware, share) for share in (1.0, 0.5))
+    whole, half = (pulse(device, 0.3, 1, hardware, share=share) for share in (1.0, 0.5))
     assert half.duration == whole.duration / 2
     # Over half an event M changes by less than a thousandth.
     assert half.state - 0.3 == pytest.approx((whole.state - 0.3) / 2, rel=1e-3)

@@ -75,3 +75,14 @@ def test_a_net_without_synapses_has_files_too(tmp_path):
     paths = save_map(study_map(plan(network=none)), tmp_path)
     assert {path.name for path in paths} == {"plan.json", "placement.csv", "reset.csv", "cost.csv", "crossbars.png",
                                              "pulses.csv"}  # fmt: skip
+
+
+def test_what_no_pulse_brings_back_is_said():
+    """At 0.47 V the redox device stays below W = 0.5, whose potential is 0.48 V."""
+    placed = plan("peo_pani_redox", PEO.replace(synapses=PEO.synapses[:2]))
+    volts, threshold, duration = (Quantity(value=x, source="definition") for x in (0.47, 0.3, 0.1))
+    changes = {"pulse_voltage": volts, "threshold": threshold, "pulse_duration": duration}
+    drive = placed.hardware.drive.model_copy(update=changes)
+    study = study_map(place(placed.network, placed.hardware.model_copy(update={"drive": drive})))
+    assert study.to_dict()["reset"]["duration"] is None
+    assert "reset: the drive cannot bring 2 devices back" in "\n".join(map_words(study))
