@@ -109,7 +109,7 @@ def _size(tile: Tile) -> tuple[int, int]:
 
 def _inches(tile: Tile) -> tuple[float, float]:
     pitch, (rows, columns) = _pitch(tile), _size(tile)
-    return max(5.0, 3.6 + pitch * (columns + 2 * tile.has_reference)), max(2.9, 1.9 + pitch * rows)
+    return max(5.4, 4.0 + pitch * (columns + 2 * tile.has_reference)), max(2.9, 1.9 + pitch * rows)
 
 
 def _pitch(tile: Tile) -> float:

@@ -204,5 +204,6 @@ def _schedule_figure(schedule: Schedule) -> Figure:
 
 def _save_figure(figure: Figure, path: Path) -> None:
     picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=130, metadata={"Software": None})
+    # Tight: bars beside axes of equal aspect may reach over the figure's edge.
+    figure.savefig(picture, format="png", dpi=130, bbox_inches="tight", metadata={"Software": None})
     write_atomic(path, picture.getvalue())

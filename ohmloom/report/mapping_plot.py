@@ -216,10 +216,13 @@ def _draw_write(plan: Plan, point: Crosspoint, ax: Axes) -> None:
         ax.text(end + 0.15, level, words, fontsize=7, color=colour, va="center")
     written = np.abs(seen) > threshold
     ax.fill_between(t, base, base + seen, where=list(written), color=UP, alpha=0.4, linewidth=0)
-    done = pulse(device, point.state, 1, hardware, has_reference=plan.tiles[point.tile].subtracts_off)
-    before, after = (_weight(plan, point, state) for state in (point.state, done.state))
-    ax.text(0.0, -3.0 * unit, f"Above the threshold: one event up. W goes from {before:.3g} to {after:.3g} "
-            f"in {format_quantity(done.duration, 's')}.\nThe other way round, receiver first, it is one event down.",
+    up, down = (
+        pulse(device, point.state, sign, hardware, has_reference=plan.tiles[point.tile].subtracts_off)
+        for sign in (1, -1)
+    )
+    before, higher, lower = (_weight(plan, point, state) for state in (point.state, up.state, down.state))
+    ax.text(0.0, -3.0 * unit, f"Above the threshold: W goes from {before:.3g} up to {higher:.3g} in "
+            f"{format_quantity(up.duration, 's')}.\nThe other way round, receiver first, it goes down to {lower:.3g}.",
             fontsize=8, va="center")  # fmt: skip
     ax.set(xlim=(-0.1, t[-1] + 4.6), ylim=(-3.4 * unit, 4.1 * unit), yticks=[], xticks=range(last + 3))
     ax.set_xlabel("step (each with its own read, then this pulse)", fontsize=8)
