@@ -6,7 +6,7 @@ import pytest
 from ohmloom.circuits import Crossbar
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.mapping.waveform import WAVEFORMS
-from ohmloom.neurocontroller import Network
+from ohmloom.neurocontroller import Network, Synapse
 from ohmloom.neurocontroller.plain import stdp_sign
 
 SENSORS = (0.0, 0.3, 0.0, 0.2, 0.8, 1.0)
@@ -112,7 +112,7 @@ def test_lost_events_agree_with_a_dense_recount(spec):
         for point in plan.crosspoints:
             synapse = synapses[point.synapse]
             v = w[point.row, point.column] - u[point.row, point.column]
-            fired = (v > drive.threshold.value) - (v < -drive.threshold.value)
+            fired = int(v > drive.threshold.value) - int(v < -drive.threshold.value)
             wanted = stdp_sign(int(ls[synapse.pre]), int(ls[synapse.post]), 4)
             ideal += wanted != 0
             lost += wanted not in (0, fired)
@@ -175,7 +175,7 @@ def test_a_selected_cell_loses_what_its_wires_take(changed):
         "hp_1t1r", drive={"mode": "voltage"}, wires={"r_row": 100.0, "r_column": 100.0}, limits={"read_error": 0.9}
     )
     network = Network(
-        system="HP", hidden=("excitatory",), synapses=({"pre": 0, "post": 6, "kind": "hp", "weight": 0.5},)
+        system="HP", hidden=("excitatory",), synapses=(Synapse(0, 6, "hp", 0.5),)
     )
     emulated = EmulatedController(place(network, spec).nominal())
     device = spec.devices["hp"]
