@@ -147,6 +147,7 @@ def agreement(
     trial_key: int | None = None,
     model: Literal["paper", "cards", "flux"] = "paper",
     integrate: bool = False,
+    as_wired: bool = False,
 ) -> Agreement:
     """Run the discrete and the emulated controller side by side in closed loop, on the discrete one's sensors.
 
@@ -167,6 +168,8 @@ def agreement(
         pulses of fixed voltage (``flux``).
     integrate
         Whether the emulated devices follow their differential equations even where they have closed forms.
+    as_wired
+        Whether the lines' potentials are solved even where they have no resistance.
 
     Raises
     ------
@@ -180,7 +183,8 @@ def agreement(
     if model not in ("paper", "cards", "flux"):
         raise UnknownNameError.of("agreement.model", model, ["paper", "cards", "flux"])
     pair = _Pair(
-        _discrete(network, die.plan.hardware, model), EmulatedController(die, perturb=perturb, integrate=integrate)
+        _discrete(network, die.plan.hardware, model),
+        EmulatedController(die, perturb=perturb, integrate=integrate, as_wired=as_wired),
     )
     key = (
         draw_trial_key(np.random.default_rng(expect_integer("agreement.seed", seed)))

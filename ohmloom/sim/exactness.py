@@ -96,7 +96,7 @@ class Case:
     def _network(self, mode: str, model: Literal["cards", "flux"]) -> Agreement:
         return agreement(
             self.network, exact_variant(self.hardware, mode), arena=self.arena, perturb=self.perturb,
-            trial_key=self.trial_key, model=model, integrate=self.integrate,
+            trial_key=self.trial_key, model=model, integrate=self.integrate, as_wired=not self.hardware.wires.is_ideal,
         )  # fmt: skip
 
 
