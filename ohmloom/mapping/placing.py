@@ -191,8 +191,8 @@ def _check_widths(network: Network, hardware: Hardware) -> None:
     for kind in _kinds(network):
         device = hardware.devices[kind]
         if hardware.drive.mode == "exact_width" and kind != "constant" and LAWS[device.law].flux is None:
-            raise MappingError(f"{hardware.name}: drive.mode: expected 'charge_metered' or 'voltage' for the kind {kind}, "
-                               f"since no closed form gives the width of its pulses (card {device.name}, law "
+            raise MappingError(f"{hardware.name}: drive.mode: expected 'charge_metered' or 'voltage' for the kind "
+                               f"{kind}, since no closed form gives the width of its pulses (card {device.name}, law "
                                f"{device.law}), got 'exact_width'. Use one of these.")  # fmt: skip
 
 
