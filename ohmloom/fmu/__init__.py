@@ -9,6 +9,8 @@ from __future__ import annotations
 from ohmloom.fmu.build import Export
 from ohmloom.fmu.check import Check, CheckRow, check
 from ohmloom.fmu.device import export_device
+from ohmloom.fmu.discrete import export_arena, export_controller
 from ohmloom.fmu.run import FmuTrace, run
 
-__all__ = ["Check", "CheckRow", "Export", "FmuTrace", "check", "export_device", "run"]
+__all__ = ["Check", "CheckRow", "Export", "FmuTrace", "check", "export_arena", "export_controller", "export_device",
+           "run"]

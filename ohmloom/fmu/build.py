@@ -23,7 +23,7 @@ HEADERS = {
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a zip file knows
-LICENCE = """The model and its C sources (fmu.c, model.c, law.c, runtime.c): Apache-2.0, by ohmloom,
+LICENCE = """The model and its C sources: Apache-2.0, by ohmloom,
 see https://www.apache.org/licenses/LICENSE-2.0
 """
 
@@ -97,7 +97,7 @@ def build(
         If the compiler fails, or the file cannot be written.
     """
     sources = {name: text.encode() for name, text in model.items()}
-    sources["runtime.c"] = _runtime(fmi)
+    sources["runtime.c"] = runtime_text(fmi, is_discrete=description.timestep is not None).encode()
     token = _token(description.to_xml(fmi, ""), sources)
     sources["fmu.c"] = (
         f"/* The one file to compile, with FMI's headers on the include path: cc {' '.join(FLAGS)} -fPIC fmu.c -lm */\n"
@@ -136,12 +136,27 @@ def archive(content: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def _runtime(fmi: FmiVersion) -> bytes:
-    """The runtime without one of its last two sections: what the other version calls everything."""
+def runtime_text(fmi: FmiVersion, *, is_discrete: bool) -> str:
+    """The part of the runtime that a version and a kind of model need: its ``#if`` on these two are decided here."""
     text = (files("ohmloom.fmu") / "runtime" / "runtime.c").read_text(encoding="utf-8")
-    mark = "\n#if FMI_VERSION == "
-    head, *sections = text.rsplit(mark, 2)
-    return (head + mark + sections[fmi - 2]).encode()
+    answers = {f"FMI_VERSION == {version}": version == fmi for version in get_args(FmiVersion)}
+    answers |= {"MODEL_IS_DISCRETE": is_discrete, "!MODEL_IS_DISCRETE": not is_discrete}
+    # For each open #if: whether its branch is kept, or None if it is the compiler's to decide.
+    kept: list[str] = []
+    stack: list[bool | None] = []
+    for line in text.splitlines(keepends=True):
+        word, _, condition = line.strip().partition(" ")
+        if word in ("#if", "#ifdef", "#ifndef"):
+            stack.append(answers.get(condition))
+        elif word == "#else" and stack[-1] is not None:
+            stack[-1] = not stack[-1]
+            continue
+        is_ours = bool(stack) and stack[-1] is not None and word in ("#if", "#endif")
+        if word == "#endif":
+            stack.pop()
+        if not is_ours and False not in stack:
+            kept.append(line)
+    return "".join(kept)
 
 
 def _token(xml: str, sources: dict[str, bytes]) -> str:
