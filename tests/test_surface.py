@@ -20,7 +20,10 @@ SURFACE = {
         "LAWS", "CardValue", "Comparison", "DataFile", "Device", "Fit", "Law", "Measurement", "Parameter", "Revisit",
         "Trace", "charge_revisit", "compare", "fit",
     ],
-    "ohmloom.fmu": ["Check", "CheckRow", "Export", "FmuTrace", "check", "export_device", "run"],
+    "ohmloom.fmu": [
+        "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "check", "export_arena",
+        "export_controller", "export_device", "export_system", "run", "run_ssp",
+    ],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",
         "SpikingController", "Synapse", "champion", "mutate",

@@ -33,7 +33,8 @@ def controller_parameters(network: Network) -> tuple[Variable, ...]:
     r = network.readings
     texts = {
         "a": ("constant current of each neuron", 0.0, LARGEST), "b": ("leak", 0.0, 1.0),
-        "c": ("membrane potential after a spike", 0.0, LARGEST), "c_ini": ("membrane potential at the start", 0.0, LARGEST),
+        "c": ("membrane potential after a spike", 0.0, LARGEST),
+        "c_ini": ("membrane potential at the start", 0.0, LARGEST),
         "y_thresh": ("threshold", TINY, LARGEST),
         "synapse_gain": ("what a spike through a synapse of weight 1 adds", TINY, LARGEST),
     }  # fmt: skip
@@ -41,8 +42,8 @@ def controller_parameters(network: Network) -> tuple[Variable, ...]:
         Variable(name=name, kind="start", unit="1", doc=doc, start=getattr(r, name), low=low, high=high)
         for name, (doc, low, high) in texts.items()
     )
-    high = Variable(name="high_count", kind="start", unit="1", doc="least number of spikes that is high", type="integer",
-                    start=r.high_count, low=0, high=22)  # fmt: skip
+    high = Variable(name="high_count", kind="start", unit="1", doc="least number of spikes that is high",
+                    type="integer", start=r.high_count, low=0, high=22)  # fmt: skip
     return (*floats, high)
 
 
@@ -72,7 +73,7 @@ def controller_description(network: Network, timestep: float) -> Description:
         name=network.name, identifier=identifier(network.name),
         doc=f"Spiking controller {network.name}, {network.system}, {network.neurons} neurons",
         stop_time=1000 * timestep, step_size=timestep, timestep=timestep, has_derivatives=False,
-        variables=(*controller_parameters(network), *sensor_variables("input", "sensor in [0, 1], held over a timestep"),
+        variables=(*controller_parameters(network), *sensor_variables("input", "in [0, 1], held over a timestep"),
                    *action_outputs(SENSORS)),
     )  # fmt: skip
 
@@ -80,8 +81,8 @@ def controller_description(network: Network, timestep: float) -> Description:
 def arena_parameters(arena: Arena, trial_key: int) -> tuple[Variable, ...]:
     """In the order of arena.c; noise and slip are those of the dynamic task alone."""
     keys = tuple(
-        Variable(name=name, kind="start", unit="1", doc="32 bits of the key of the trial's random numbers", type="integer",
-                 start=word, low=-(2**31), high=2**31 - 1)
+        Variable(name=name, kind="start", unit="1", doc="32 bits of the key of the trial's random numbers",
+                 type="integer", start=word, low=-(2**31), high=2**31 - 1)
         for name, word in key_parts(trial_key).items()
     )  # fmt: skip
     longest = Variable(name="max_timesteps", kind="start", unit="1", doc="a trial ends when st reaches it",
@@ -100,7 +101,7 @@ def pose_outputs(at_start: tuple[str, ...]) -> tuple[Variable, ...]:
         *(Variable(name=name, kind="output", unit="m", doc="position of the robot", initial_dependencies=at_start)
           for name in "xy"),
         Variable(name="heading", kind="output", unit="rad", doc="0 along x, counter-clockwise"),
-        Variable(name="fitness", kind="output", unit="1", doc="best so far, eq. 14, or goals found in the dynamic task"),
+        Variable(name="fitness", kind="output", unit="1", doc="best so far, eq. 14; dynamic: goals found"),
         Variable(name="st", kind="output", unit="1", doc="counted timesteps, those of bumps included", type="integer"),
         Variable(name="bumps", kind="output", unit="1", doc="number of bumps", type="integer"),
         Variable(name="solved", kind="output", unit="1", doc="whether the goal was reached", type="boolean"),

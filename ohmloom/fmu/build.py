@@ -51,7 +51,9 @@ class Export:
     size: int
 
 
-def check_options(where: str, out: Path | str, fmi: int, platforms: str) -> Path:
+def check_options(
+    where: str, out: Path | str, fmi: int, platforms: str, *, suffixes: tuple[str, ...] = (".fmu",)
+) -> Path:
     """Refuse a bad place, version or choice of platforms before any work is done.
 
     Raises
@@ -65,8 +67,9 @@ def check_options(where: str, out: Path | str, fmi: int, platforms: str) -> Path
 
     expect_type(f"{where}: out", out, str, Path, name="a path")
     path = Path(out)
-    if path.suffix != ".fmu":
-        raise ParameterError(f"{where}: out: expected a file that ends in .fmu, got {shown(str(path))}. Rename it.")
+    if path.suffix not in suffixes:
+        raise ParameterError(f"{where}: out: expected a file that ends in {' or '.join(suffixes)}, "
+                             f"got {shown(str(path))}. Rename it.")  # fmt: skip
     if path.is_dir():
         raise ParameterError(f"{where}: out: expected a file, got the folder {path}. Use another path.")
     if isinstance(fmi, bool) or fmi not in (2, 3):
@@ -126,10 +129,11 @@ def build(
 
 
 def archive(content: dict[str, bytes]) -> bytes:
-    """A zip file of `content`, always the same: sorted, without dates; modelDescription.xml comes first."""
+    """A zip file of `content`, always the same: sorted, without dates; the description comes first."""
+    first = ("modelDescription.xml", "SystemStructure.ssd")
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
-        for name in sorted(content, key=lambda name: (name != "modelDescription.xml", name)):
+        for name in sorted(content, key=lambda name: (name not in first, name)):
             entry = zipfile.ZipInfo(name, EPOCH)
             entry.compress_type, entry.create_system, entry.external_attr = zipfile.ZIP_DEFLATED, 3, 0o644 << 16
             file.writestr(entry, content[name])

@@ -79,9 +79,9 @@ def export_arena(
 ) -> Export:
     """Write an arena with its robot as an FMU for co-simulation: the path of `run_trial`, noise and slip included.
 
-    In: `action`. Out: the six sensors, `x`, `y`, `heading`, `fitness`, `st`, `bumps`, `solved`, `done`. Parameters, fixed:
-    `trial_key_low` and `trial_key_high`, the key of the random numbers as two signed 32-bit integers; `max_timesteps`;
-    in the dynamic task `ir_noise`, `light_noise` and `slip`. After the end of the trial nothing moves.
+    In: `action`. Out: the six sensors, `x`, `y`, `heading`, `fitness`, `st`, `bumps`, `solved`, `done`. Parameters,
+    fixed: `trial_key_low` and `trial_key_high`, the key of the random numbers as two signed 32-bit integers;
+    `max_timesteps`; in the dynamic task `ir_noise`, `light_noise` and `slip`. After the end nothing moves.
 
     Parameters
     ----------
@@ -124,7 +124,9 @@ def export_loop(
         "world.c": code.world_table(arena),
         "arena.c": runtime_file("arena.c"),
     }
-    return build(path, description, model, [_about(network), _about_arena(arena), LICENCE], fmi=fmi, platforms=platforms)
+    return build(
+        path, description, model, [_about(network), _about_arena(arena), LICENCE], fmi=fmi, platforms=platforms
+    )
 
 
 def as_arena(where: str, task: str | Arena) -> Arena:
@@ -147,8 +149,8 @@ def runtime_file(name: str) -> str:
 
 def _about(network: Network) -> str:
     return (
-        f"Network {network.name} ({network.system}, sha256 {network.sha256}): 21 steps of the spiking network in each "
-        "timestep, with eqs. 3 to 6 and 10 to 12 of Howard et al. (2012); see sources/controller.c and sources/network.c."
+        f"Network {network.name} ({network.system}, sha256 {network.sha256}): 21 steps of the spiking network in a "
+        "timestep, eqs. 3 to 6 and 10 to 12 of Howard et al. (2012); see sources/controller.c and sources/network.c."
     )
 
 

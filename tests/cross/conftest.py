@@ -25,7 +25,7 @@ def need_tool():
 
 
 class Master:
-    """An instance of an FMU of either version in FMPy, for co-simulation, that keeps what it logs; `close` frees it and its folder."""
+    """An FMU of either version in FMPy, for co-simulation; keeps what it logs, `close` frees it and its folder."""
 
     def __init__(self, file, **start_values):
         self.log = []

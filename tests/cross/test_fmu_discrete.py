@@ -53,7 +53,7 @@ def arena_file(files):
     return files("arena", lambda out: export_arena("dynamic", out))
 
 
-@pytest.mark.parametrize("case, fmi", [("champion", 2), ("emission", 3), ("forgetful", 2)])
+@pytest.mark.parametrize(("case", "fmi"), [("champion", 2), ("emission", 3), ("forgetful", 2)])
 def test_a_controller_is_the_compiled_one_spike_for_spike(files, master, case, fmi):
     trial = run_trial(SpikingController(network(case)), Arena.paper(task="dynamic"), trial_key=KEY)
     one = master(controller_file(files, case, fmi))
@@ -69,7 +69,7 @@ def test_a_controller_is_the_compiled_one_spike_for_spike(files, master, case, f
     assert np.unique(trial.output_spikes).size > 5
 
 
-@pytest.mark.parametrize("name, arena, fmi", [
+@pytest.mark.parametrize(("name", "arena", "fmi"), [
     ("static", Arena.paper(), 3), ("hard", HARD, 2), ("arena", Arena.paper(task="dynamic"), 2),
 ])  # fmt: skip
 def test_an_arena_is_that_of_a_trial_step_for_step(files, master, name, arena, fmi):
@@ -167,13 +167,13 @@ def test_start_values_are_parameters(files, master):
     assert "high_count: expected to be set before the end of initialization" in slow.log[-1]
 
 
-@pytest.mark.parametrize("value, text", [
+@pytest.mark.parametrize(("value", "text"), [
     (1.5, "ir_0: expected a number from 0 to 1, got 1.5"),
     (float("nan"), "ir_0: expected a number from 0 to 1, got nan"),
 ])  # fmt: skip
 def test_sensors_out_of_range_are_refused(files, master, value, text):
     one = master(controller_file(files, "champion", 2))
-    with pytest.raises(Exception, match="setReal|SetReal"):
+    with pytest.raises(Exception, match="SetReal"):
         one.set(ir_0=value)
     assert text in one.log[-1]
 

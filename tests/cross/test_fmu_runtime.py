@@ -54,7 +54,9 @@ def sources(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("name", ["hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", "loop"])
+@pytest.mark.parametrize(
+    "name", ["hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", "loop"]
+)
 def test_no_warning(need_tool, sources, name, fmi):
     compiler = need_tool("the C of FMUs is not looked at here", os.environ.get("CC", ""), "gcc", "clang")
     flags = [*WARNINGS, "-O2", "-fvisibility=hidden", "-c", "-fPIC"]
