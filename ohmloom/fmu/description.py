@@ -51,7 +51,7 @@ class Variable:
     dependencies
         Names of inputs and states that it depends on, for rates, outputs and indicators.
     initial_dependencies
-        Names of inputs and parameters that it depends on at the start, for what is calculated.
+        Names of inputs and parameters that it depends on at the start, for what is calculated. None in either: all.
     """
 
     name: str
@@ -64,8 +64,8 @@ class Variable:
     high: float = math.inf
     nominal: float | None = None
     state: str = ""
-    dependencies: tuple[str, ...] = ()
-    initial_dependencies: tuple[str, ...] = ()
+    dependencies: tuple[str, ...] | None = ()
+    initial_dependencies: tuple[str, ...] | None = ()
 
     @property
     def is_given(self) -> bool:
@@ -194,7 +194,10 @@ class _Writer:
             "reinit": True if v.kind == "state" else None,
         }
 
-    def numbers(self, names: Iterable[str]) -> str:
+    def numbers(self, names: Iterable[str] | None) -> str | None:
+        """Value of an attribute that lists variables; left out where it would list all."""
+        if names is None:
+            return None
         return " ".join(str(number) for number in sorted(self.reference[name] for name in names))
 
     def finish(self, root: str) -> str:
@@ -296,7 +299,7 @@ class _Writer3(_Writer):
             variability=variability, initial=self.initial(v), **self.typed(v), derivative=derivative,
         )  # fmt: skip
 
-    def unknown(self, name: str, v: Variable, dependencies: tuple[str, ...]) -> str:
+    def unknown(self, name: str, v: Variable, dependencies: tuple[str, ...] | None) -> str:
         return _tag(name, valueReference=self.reference[v.name], dependencies=self.numbers(dependencies))
 
 
