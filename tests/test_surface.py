@@ -22,7 +22,7 @@ SURFACE = {
     ],
     "ohmloom.fmu": [
         "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "check", "export_arena",
-        "export_controller", "export_device", "export_system", "run", "run_ssp",
+        "export_controller", "export_crossbar", "export_device", "export_system", "run", "run_ssp",
     ],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",

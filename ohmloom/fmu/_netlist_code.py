@@ -1,4 +1,4 @@
-"""A netlist of resistors, memristors and sources as C tables: nodes merged, numbered into a band, and described."""
+"""A netlist of resistors, memristors and sources for an FMU: nodes merged, numbered into a band, and described."""
 
 from __future__ import annotations
 
@@ -13,15 +13,10 @@ from ohmloom.circuits.elements import GROUND, CurrentSource, Memristor, Resistor
 from ohmloom.circuits.waveforms import Waveform
 from ohmloom.devices import LAWS, Device
 from ohmloom.devices._checks import LARGEST_VOLTAGE
-from ohmloom.devices._emit_c import emit_function
-from ohmloom.devices.laws._law import ORDERED
 from ohmloom.errors import ParameterError
-from ohmloom.fmu._device_code import PARTIALS
-from ohmloom.fmu._tables import array, variable_table
 from ohmloom.fmu.description import Description, Variable
 
 LARGEST_CURRENT = 1e6  # A
-STATES, VOLTAGES = (0.0, 0.37, 1.0), (-0.9, -1e-3, 0.2, 0.6)  # where conductances are compared with those at 0 V
 MOST_NEEDS = 2_000_000  # dependencies that are listed; beyond, everything may depend on everything
 
 
@@ -79,6 +74,8 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
             # Ground stays the name of what is joined to it.
             merged[b if a == GROUND else a] = a if a == GROUND else b
     sources = tuple(e for e in elements if isinstance(e, VoltageSource))
+    if is_crossbar:
+        sources = tuple(sorted(sources, key=lambda source: source.name[0] != "V"))  # rows before columns
     held: dict[str, int] = {}
     signs = []
     for source in sources:
@@ -93,7 +90,7 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
     memristors = tuple(e for e in elements if isinstance(e, Memristor))
     if not memristors:
         raise ParameterError(f"{where}: expected at least one memristor, got none. A crossbar FMU is one of devices.")
-    order, band = _band(free, [(root(e.p), root(e.n)) for e in (*resistors, *memristors)])
+    order, band = _band(free, [(root(e.p), root(e.n)) for e in _pair(resistors, memristors)])
     number_of = {node: k for k, node in enumerate(order)} | {GROUND: len(free)}
     number_of |= {node: len(free) + 1 + k for node, k in held.items()}
     return Circuit(
@@ -103,13 +100,19 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
     )  # fmt: skip
 
 
+def _pair(resistors: Iterable[Resistor], memristors: Iterable[Memristor]) -> list[Resistor | Memristor]:
+    return [*resistors, *memristors]
+
+
 def _band(free: list[str], pairs: list[tuple[str, str]]) -> tuple[list[str], int]:
     """The free nodes in an order that keeps neighbours near each other, and how far apart they are at most."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     index = {node: k for k, node in enumerate(free)}
-    both = np.array([(index[p], index[n]) for p, n in pairs if p in index and n in index], dtype=np.int64).reshape(-1, 2)
+    both = np.array([(index[p], index[n]) for p, n in pairs if p in index and n in index], dtype=np.int64).reshape(
+        -1, 2
+    )
     if not both.size:
         return free, 0
     ones = np.ones(len(both))
@@ -186,8 +189,8 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
     variables += [variable for variable, _ in outputs]
     for suffix, need in zip(suffixes, own, strict=True):
         for kind in ("q_above_low", "q_below_high"):
-            variables.append(Variable(name=named(kind, suffix), kind="indicator", unit="1",
-                                      doc="positive until q reaches or leaves its limit", dependencies=need))  # fmt: skip
+            variables.append(Variable(name=named(kind, suffix), kind="indicator", unit="1", dependencies=need,
+                                      doc="positive until q reaches or leaves its limit"))  # fmt: skip
     description = Description(name=name, identifier=label, doc=f"{len(charges)} memristors in a circuit", stop_time=1.0,
                               step_size=0.01, variables=tuple(variables))  # fmt: skip
     return description, [place for _, place in outputs]
@@ -214,7 +217,7 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
             k = group[k]
         return k
 
-    ends = [(circuit.places[e.p], circuit.places[e.n]) for e in (*circuit.resistors, *circuit.memristors)]
+    ends = [(circuit.places[e.p], circuit.places[e.n]) for e in _pair(circuit.resistors, circuit.memristors)]
     for p, n in ends:
         if p < circuit.free and n < circuit.free:
             group[find(p)] = find(n)
@@ -232,14 +235,16 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
                 touches[g].add(name)
         for k in held:
             at_held.setdefault(k, set()).update(groups)
-            lone.setdefault(k, set()).update({inputs[j - first] for j in held} | ({name} if name and not groups else set()))
+            lone.setdefault(k, set()).update(
+                {inputs[j - first] for j in held} | ({name} if name and not groups else set())
+            )
 
-    for e in circuit.resistors:
-        join(circuit.places[e.p], circuit.places[e.n], None)
-    for e, q in zip(circuit.memristors, charges, strict=True):
-        join(circuit.places[e.p], circuit.places[e.n], q)
-    for e, name in zip(circuit.currents, inputs[len(circuit.sources) :], strict=True):
-        join(circuit.places[e.p], circuit.places[e.n], name)
+    for resistor in circuit.resistors:
+        join(circuit.places[resistor.p], circuit.places[resistor.n], None)
+    for memristor, q in zip(circuit.memristors, charges, strict=True):
+        join(circuit.places[memristor.p], circuit.places[memristor.n], q)
+    for source, name in zip(circuit.currents, inputs[len(circuit.sources) :], strict=True):
+        join(circuit.places[source.p], circuit.places[source.n], name)
     everything = len(inputs) + len(charges)
 
     def needs(places: Iterable[int], device: int | None = None) -> tuple[str, ...] | None:
@@ -257,147 +262,3 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
         return tuple(sorted(found))
 
     return needs
-
-
-def law_text(cards: Iterable[Device]) -> str:
-    """``law.c``: the functions of every law among `cards`, once."""
-    lines = ["/* Laws: conductance [S] of s and v, charge rate [A] of s, v and i, charge scale [C], and derivatives. */"]
-    wanted = {"conductance": "sv", "charge_rate": "svi", "charge_scale": "", **PARTIALS}
-    for name in dict.fromkeys(card.law for card in cards):
-        for function, arguments in wanted.items():
-            lines += ["", *emit_function(LAWS[name], f"static double {name}_{function}", function, tuple(arguments))]
-    return "\n".join([*lines, ""])
-
-
-def netlist_model(circuit: Circuit, description: Description, outputs: list[tuple[str, int]]) -> str:
-    """``model.c``: tables, and what the runtime asks of a model."""
-    cards, places = circuit.cards, circuit.places
-    widths = [len(LAWS[card.law].parameters) for card in cards]
-    at = [sum(widths[:k]) for k in range(len(cards))]
-    kinds = [cards.index(card) for card in (m.device for m in circuit.memristors)] if len(cards) > 1 else (
-        [0] * len(circuit.memristors))  # fmt: skip
-    count = len(circuit.memristors)
-    dispatch = []
-    for function, arguments in (("conductance", "sv"), ("charge_rate", "svi"), *PARTIALS.items()):
-        heads, calls = (", ".join(text.format(a) for a in arguments) for text in ("double {}", "{}"))
-        dispatch += [f"static double {function}(int kind, {heads}, const double *p)", "{", "    switch (kind) {"]
-        for k, card in enumerate(cards):
-            case = "default:" if k == len(cards) - 1 else f"case {k}:"
-            dispatch += [f"    {case}", f"        return {card.law}_{function}({calls}, p + {at[k]});"]
-        dispatch += ["    }", "}", ""]
-    checks = []
-    for k, card in enumerate(cards):
-        names = LAWS[card.law].parameter_names
-        for low, high in ORDERED:
-            if {low, high} <= set(names):
-                checks += [f"    if (!(p[{at[k] + names.index(low)}] < p[{at[k] + names.index(high)}]))",
-                           f'        return "{low}: expected {low} < {high}";']  # fmt: skip
-    constants = [f"    c[{k}] = {card.law}_charge_scale(p + {at[k]});" for k, card in enumerate(cards)]
-
-    def nodes(name: str, elements: Iterable[Any]) -> list[str]:
-        listed = list(elements)
-        return [array("int", f"{name}_{end}", [places[getattr(e, end)] for e in listed]) for end in "pn"]
-
-    tables = [
-        *nodes("device", circuit.memristors),
-        array("int", "device_kind", kinds),
-        *nodes("resistor", circuit.resistors),
-        array("double", "resistor_g", [1.0 / e.resistance for e in circuit.resistors], "conductances in S"),
-        array("double", "source_sign", circuit.signs, "-1 where a voltage source has its p at ground"),
-        *nodes("current", circuit.currents),
-        "enum { POTENTIAL, SOURCE, SENSE, CURRENT }; /* kinds of output, and what a place then numbers: nodes, "
-        "sources, sources, devices */",
-        array("int", "output_kind", [kind for kind, _ in outputs]),  # type: ignore[misc]
-        array("int", "output_place", [place for _, place in outputs]),
-    ]
-    values = {
-        "n_p": sum(widths) + count, "q0": sum(widths), "n_u": len(circuit.sources) + len(circuit.currents), "n_x": count,
-        "n_y": len(outputs), "n_c": len(cards), "free": circuit.free, "band": circuit.band,
-        "sources": len(circuit.sources), "currents": len(circuit.currents), "resistors": len(circuit.resistors),
-        "ohmic": int(all(map(is_ohmic, cards))), "tables": "\n".join(tables), "dispatch": "\n".join(dispatch),
-        "variables": variable_table(description), "checks": "\n".join(checks), "constants": "\n".join(constants),
-    }  # fmt: skip
-    text = _MODEL
-    for name, value in values.items():
-        text = text.replace(f"@{name}@", str(value))
-    return text
-
-
-def is_ohmic(card: Device) -> bool:
-    """Whether a card's conductance is the same at every voltage."""
-    return all(card.conductance(s, v) == card.conductance(s) for s in STATES for v in VOLTAGES)
-
-
-_MODEL = """/*
- * A circuit: sources in; charges, potentials and currents out. p: the cards' parameters, then the charges at the start;
- * c: the charge scale of each card.
- */
-#include "law.c"
-
-enum { N_P = @n_p@, N_U = @n_u@, N_X = @n_x@, N_Y = @n_y@, N_C = @n_c@, FIRST_Q0 = @q0@ };
-enum { N_FREE = @free@, BAND = @band@, N_SOURCES = @sources@, N_CURRENTS = @currents@, N_DEVICES = N_X,
-       N_RESISTORS = @resistors@, IS_OHMIC = @ohmic@ };
-
-@tables@
-
-@dispatch@
-#include "netlist.c"
-
-@variables@
-
-static const char *model_check(const double *p)
-{
-    double c[N_C];
-    int k;
-@checks@
-@constants@
-    for (k = 0; k < N_X; k++)
-        if (p[FIRST_Q0 + k] > c[device_kind[k]] * (1.0 + 1e-12)) /* but for rounding */
-            return "charge at the start: expected at most the charge q_d at which the state is 1";
-    return NULL;
-}
-
-static void model_constants(const double *p, double *c)
-{
-@constants@
-}
-
-static void model_limits(const double *p, const double *c, double *low, double *high)
-{
-    int k;
-    (void)p;
-    for (k = 0; k < N_X; k++) {
-        low[k] = 0.0;
-        high[k] = c[device_kind[k]];
-    }
-}
-
-static void model_start(const double *p, const double *c, double *x)
-{
-    int k;
-    for (k = 0; k < N_X; k++)
-        x[k] = fmin(p[FIRST_Q0 + k], c[device_kind[k]]);
-}
-
-static void model_rates(const double *p, const double *c, const double *u, const double *x, double *rates)
-{
-    netlist_rates(p, c, u, x, rates);
-}
-
-static void model_outputs(const double *p, const double *c, const double *u, const double *x, double *y)
-{
-    netlist_outputs(p, c, u, x, y);
-}
-
-static void model_forward(const double *p, const double *c, const double *u, const double *x, const double *du,
-                          const double *dx, double *drates, double *dy)
-{
-    netlist_forward(p, c, u, x, du, dx, drates, dy);
-}
-
-static void model_adjoint(const double *p, const double *c, const double *u, const double *x, const double *drates,
-                          const double *dy, double *du, double *dx)
-{
-    netlist_adjoint(p, c, u, x, drates, dy, du, dx);
-}
-"""

@@ -12,8 +12,9 @@ from ohmloom.circuits._topology import check_topology
 from ohmloom.circuits.elements import VoltageSource
 from ohmloom.devices.emit import identifier
 from ohmloom.errors import expect_type
-from ohmloom.fmu import _netlist_code as code
 from ohmloom.fmu._compile import Platforms
+from ohmloom.fmu._netlist_code import analyse, netlist_description
+from ohmloom.fmu._netlist_model import law_text, netlist_model
 from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import FmiVersion
 from ohmloom.fmu.discrete import LICENCE, runtime_file
@@ -34,8 +35,8 @@ def export_crossbar(
     and of a netlist the node potentials and the currents of voltage sources and memristors. Parameters: those of the
     cards, tunable, and the charges at the start.
 
-    A crossbar's inputs are ``v_row_I`` and ``v_column_J`` (what the sense holds, 0 by default), its outputs ``i_column_J``,
-    positive into the sense, and ``q_I_J``.
+    A crossbar's inputs are ``v_row_I`` and ``v_column_J`` (what the sense holds, 0 by default), its outputs
+    ``i_column_J``, positive into the sense, and ``q_I_J``.
 
     Parameters
     ----------
@@ -58,18 +59,18 @@ def export_crossbar(
     check_topology(netlist.flat, is_dc=True)
     sources = [e for e in netlist.flat if isinstance(e, VoltageSource)]
     is_crossbar = netlist.name == "crossbar" and all(re.fullmatch(r"[VH]_\d+", source.name) for source in sources)
-    found = code.analyse(where, netlist.flat, netlist.nodes, is_crossbar=is_crossbar)
-    description, outputs = code.netlist_description(netlist.name, identifier(netlist.name), found)
+    found = analyse(where, netlist.flat, netlist.nodes, is_crossbar=is_crossbar)
+    description, outputs = netlist_description(netlist.name, identifier(netlist.name), found)
     model = {
-        "law.c": code.law_text(found.cards),
-        "model.c": code.netlist_model(found, description, outputs),
+        "law.c": law_text(found.cards),
+        "model.c": netlist_model(found, description, outputs),
         "netlist.c": runtime_file("netlist.c"),
     }
     paragraphs = [
         f"{len(found.memristors)} memristors, {len(found.resistors)} resistors, {len(found.sources)} voltage sources, "
         f"{found.free} nodes whose potentials are solved for.",
-        "i = G(s, v) v and dq/dt = charge rate(s, v, i) for each memristor, s = q/q_d in [0, 1]; Kirchhoff's current law at "
-        "each node. See sources/netlist.c, and sources/law.c for the laws.",
+        "i = G(s, v) v and dq/dt = charge rate(s, v, i) for each memristor, s = q/q_d in [0, 1]; Kirchhoff's current "
+        "law at each node. See sources/netlist.c, and sources/law.c for the laws.",
         *(f"Card {card.name}: {card.law}, {card.source} (sha256 {card.sha256})." for card in found.cards),
         LICENCE,
     ]

@@ -8,11 +8,13 @@ import zipfile
 from pathlib import Path
 
 import fmpy
+import numpy as np
 import pytest
 
+from ohmloom.circuits import CurrentSource, Memristor, MemristorCrossbar, Netlist, VoltageSource
 from ohmloom.devices import Device
 from ohmloom.errors import OperationError
-from ohmloom.fmu import export_arena, export_controller, export_device
+from ohmloom.fmu import export_arena, export_controller, export_crossbar, export_device
 from ohmloom.fmu.build import HEADERS
 from ohmloom.fmu.discrete import export_loop
 from ohmloom.neurocontroller import KINDS, LATTICES, Readings, champion
@@ -34,6 +36,18 @@ def export(name, out, fmi):
     if name == "loop":
         arena = Arena.paper(task="static")
         return export_loop(out, champion("HET"), arena, 3, fmi=fmi, platforms="host")
+    if name == "crossbar":
+        array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((3, 2), 0.4), r_row=1.0, r_column=1.0)
+        return export_crossbar(array, out, fmi=fmi)
+    if name == "netlist":
+        # Not ohmic, with two cards, a current source and no wire.
+        parts = [
+            VoltageSource(name="V1", p="a", n="0", voltage=1.0),
+            CurrentSource(name="I1", p="0", n="b", current=1e-9),
+        ]
+        parts += [Memristor(name=f"M{k}", p="ab"[k], n="b0"[k], device=Device.load(card), s0=0.5)
+                  for k, card in enumerate(("peo_pani_redox", "vteam_memtorch"))]  # fmt: skip
+        return export_crossbar(Netlist(elements=tuple(parts)), out, fmi=fmi)
     return export_device(Device.load(name), out, fmi=fmi)
 
 
@@ -55,7 +69,8 @@ def sources(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
-    "name", ["hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", "loop"]
+    "name",
+    ["hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", "loop", "crossbar", "netlist"],
 )
 def test_no_warning(need_tool, sources, name, fmi):
     compiler = need_tool("the C of FMUs is not looked at here", os.environ.get("CC", ""), "gcc", "clang")
@@ -78,10 +93,10 @@ def run_sanitized(compiler, folder, program):
     return done.stdout
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_two_thousand_lives_leave_nothing_behind(need_tool, sources, fmi):
+@pytest.mark.parametrize(("name", "fmi"), [("hp_tio2_paper", 2), ("hp_tio2_paper", 3), ("crossbar", 2), ("netlist", 3)])
+def test_two_thousand_lives_leave_nothing_behind(need_tool, sources, name, fmi):
     compiler = need_tool("FMUs are not run under sanitizers here", os.environ.get("CC", ""), "gcc", "clang")
-    run_sanitized(compiler, sources("hp_tio2_paper", fmi), CYCLES)
+    run_sanitized(compiler, sources(name, fmi), CYCLES)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
