@@ -38,16 +38,17 @@ TimeoutOption = Annotated[float, typer.Option(min=0.001, metavar="S", help="Long
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 
 
-Kind = Literal["device", "controller", "arena", "system"]
+Kind = Literal["device", "crossbar", "controller", "arena", "system"]
 
 
 @app.command("export")
 def fmu_export(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="device, controller, arena or system.")],
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="device, crossbar, controller, arena or system.")],
     source: Annotated[
         str | None,
         typer.Argument(
-            metavar="[CARD|NET]", help="device: a shipped card or a TOML file; controller, system: a *.net.json."
+            metavar="[CARD|FILE|NET]",
+            help="device: a shipped card or a TOML file; crossbar: a *.netlist.json; controller, system: a *.net.json.",
         ),
     ] = None,
     *,
@@ -61,14 +62,13 @@ def fmu_export(
     trial_key: Annotated[int, typer.Option(metavar="N", help="arena, system: key of the random numbers.")] = 0,
     json_: JsonOption = False,
 ) -> None:
-    """Write an FMU, or for a system an SSP file: a memristor, a controller, its arena, or both in closed loop."""
+    """Write an FMU, or for a system an SSP file: a memristor, a circuit, a controller, its arena, or both as a loop."""
     if kind == "arena":
         if source is not None:
             raise ParameterError(f"fmu export arena: expected no file, got {shown(source)}. Leave it out.")
     elif source is None:
-        raise ParameterError(
-            f"fmu export {kind}: expected a {'CARD' if kind == 'device' else 'NET'}, got none. Name it."
-        )
+        wanted = {"device": "CARD", "crossbar": "FILE.netlist.json"}.get(kind, "NET")
+        raise ParameterError(f"fmu export {kind}: expected a {wanted}, got none. Name it.")
     if q0 is not None and kind != "device":
         raise ParameterError(f"--q0: expected a device, got {kind}. Leave it out.")
     _check_out(out, Path(source or ""))
@@ -90,6 +90,11 @@ def _write(
 
         charge = None if q0 is None else parse_quantity(q0, "C", where="--q0")
         return export_device(Device.load(source), out, fmi=fmi, platforms=platforms, q0=charge)
+    if kind == "crossbar":
+        from ohmloom.circuits import Netlist
+        from ohmloom.fmu import export_crossbar
+
+        return export_crossbar(Netlist.load(source), out, fmi=fmi, platforms=platforms)
     if kind == "arena":
         from ohmloom.fmu import export_arena
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from ohmloom.circuits import Memristor, Netlist, VoltageSource
 from ohmloom.cli import main
 from ohmloom.devices import Device
 from ohmloom.errors import OperationError, ParameterError, UnknownNameError
@@ -149,6 +150,7 @@ def test_the_command_line_exports_checks_and_runs(command, tmp_path):
         (["export", "device", "hp_tio2", "--out", "x.fmu", "--q0", "1 V"], "--q0: expected a unit of C"),
         (["export", "device", "--out", "x.fmu"], "fmu export device: expected a CARD, got none. Name it."),
         (["export", "controller", "none.net.json", "--out", "x.fmu"], "none.net.json: expected a network file"),
+        (["export", "crossbar", "none.netlist.json", "--out", "x.fmu"], "none.netlist.json: expected"),
         (["export", "arena", "net.json", "--out", "x.fmu"], "fmu export arena: expected no file, got 'net.json'."),
         (["export", "arena", "--out", "x.ssp"], "export_arena: out: expected a file that ends in .fmu, got 'x.ssp'."),
         (["export", "arena", "--q0", "1", "--out", "x.fmu"], "--q0: expected a device, got arena. Leave it out."),
@@ -182,7 +184,13 @@ def test_the_command_line_exports_a_loop_and_runs_it(command, tmp_path):
         ends.append([values[("arena." if out == ssp else "") + name]["end"] for name in ("x", "y", "st")])
     assert ends[0] == ends[1]
     assert ends[0][2] >= 100
-    for kind, source in (("controller", [net]), ("arena", [])):
+    deck = tmp_path / "pair.netlist.json"
+    parts = [
+        Memristor(name=f"M{k}", p=p, n=n, device=Device.load("hp_tio2"), s0=0.5)
+        for k, (p, n) in enumerate(("ab", "b0"))
+    ]
+    Netlist(elements=(VoltageSource(name="V1", p="a", n="0", voltage=1.0), *parts)).save(deck)
+    for kind, source in (("controller", [net]), ("arena", []), ("crossbar", [deck])):
         code, text, _ = command("export", kind, *source, "--fmi", "3", "--out", tmp_path / f"{kind}.fmu", "--json")
         assert code == 0
         assert json.loads(text)["platforms"]
