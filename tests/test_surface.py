@@ -21,8 +21,9 @@ SURFACE = {
         "Trace", "charge_revisit", "compare", "fit",
     ],
     "ohmloom.fmu": [
-        "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "check", "export_arena",
-        "export_controller", "export_crossbar", "export_device", "export_system", "run", "run_ssp",
+        "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "HostedDevice", "check",
+        "export_arena", "export_controller", "export_crossbar", "export_device", "export_system", "reference_errors",
+        "run", "run_ssp", "simulate_hosted",
     ],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",

@@ -14,11 +14,13 @@ from ohmloom.fmu.device import export_device
 from ohmloom.fmu.discrete import export_arena, export_controller
 from ohmloom.fmu.host import Host
 from ohmloom.fmu.hosted import HostedArena, HostedController
+from ohmloom.fmu.hosted_device import HostedDevice, reference_errors, simulate_hosted
 from ohmloom.fmu.run import FmuTrace, run
 from ohmloom.fmu.ssp import run_ssp
 from ohmloom.fmu.system import export_system
 
 __all__ = [
-    "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "check", "export_arena",
-    "export_controller", "export_crossbar", "export_device", "export_system", "run", "run_ssp",
+    "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "HostedDevice", "check",
+    "export_arena", "export_controller", "export_crossbar", "export_device", "export_system", "reference_errors", "run",
+    "run_ssp", "simulate_hosted",
 ]  # fmt: skip
