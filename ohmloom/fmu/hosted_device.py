@@ -83,7 +83,7 @@ class _Held(Waveform):
 
 
 def simulate_hosted(netlist: Netlist, devices: Sequence[HostedDevice], *, t_end: float, step: float) -> NetlistTrace:
-    """Follow a netlist with hosted devices in it, explicitly: each sees its voltage, and holds its current, for a step.
+    """Follow a netlist with hosted devices in it, explicitly: each sees its voltage and holds its current for a step.
 
     The error falls with the step. A device whose current follows its voltage at once needs nodes whose voltage capacitors
     and sources hold, since otherwise its own current would set it.
@@ -107,7 +107,7 @@ def simulate_hosted(netlist: Netlist, devices: Sequence[HostedDevice], *, t_end:
     where = "simulate_hosted"
     end, h = (expect_number(f"{where}: {name}", x, "a time in s") for name, x in (("t_end", t_end), ("step", step)))
     if not (h > 0.0 and end >= h and end / h <= MOST_STEPS):
-        raise ParameterError(f"{where}: step: expected above 0 s, at most t_end = {end:g} s, at most {MOST_STEPS} steps, "
+        raise ParameterError(f"{where}: step: expected 0 < step <= t_end = {end:g} s, at most {MOST_STEPS} steps, "
                              f"got {h:g} s. Correct it.")  # fmt: skip
     for device in devices:
         _check_loop(where, netlist.flat, device)

@@ -55,7 +55,7 @@ def test_an_algebraic_loop_is_refused(host):
 def test_bad_hosted_devices_are_refused(host):
     with pytest.raises(ParameterError, match=r"^X1.current: expected one of .*, got 'j'. Name it as the FMU does."):
         HostedDevice(name="X1", p="a", n="0", host=host, current="j")
-    with pytest.raises(ParameterError, match=r"^simulate_hosted: step: expected above 0 s, at most t_end = 1 s"):
+    with pytest.raises(ParameterError, match=r"^simulate_hosted: step: expected 0 < step <= t_end = 1 s"):
         simulate_hosted(Netlist(elements=AROUND), [], t_end=1.0, step=2.0)
 
 
