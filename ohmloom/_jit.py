@@ -81,6 +81,13 @@ def inner_kernel(function: F) -> F:
     return compiled
 
 
+def inlined_kernel(function: F) -> F:
+    """Put a function into each of its callers: a call would copy the description of every array, and a function that is
+    compiled by itself is optimised again with each caller."""
+    compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy", inline="always")(function)
+    return compiled
+
+
 def make_callable(function: Callable[..., Any], compiled_form: Callable[..., Any] | None = None) -> None:
     """Let kernels call a plain function, as it stands or in another form; called from Python it stays as it is."""
     if not COMPILED:
@@ -96,6 +103,22 @@ def make_callable(function: Callable[..., Any], compiled_form: Callable[..., Any
     # functions do not have for a type checker.
     choose.__signature__ = inspect.signature(compiled_form)  # type: ignore[attr-defined]
     _overload(function)(choose)
+
+
+def choose_by_type(function: Callable[..., Any], forms: dict[type, Callable[..., Any]]) -> None:
+    """Let kernels call `function`, of which they compile the form that the NamedTuple class of its first argument names.
+
+    So one kernel serves several kinds of data, and compiles, and caches, for each only what it needs. Called from Python,
+    `function` must pick the form itself.
+    """
+    if not COMPILED:
+        return
+
+    def choose(*arguments: Any) -> Any:
+        return forms[arguments[0].instance_class]
+
+    choose.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]
+    _overload(function, jit_options={"forceinline": True})(choose)
 
 
 def closure_kernel(tag: str) -> Callable[[F], F]:

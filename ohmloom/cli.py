@@ -20,6 +20,7 @@ from ohmloom._cli_circuit import app as circuit_app
 from ohmloom._cli_device import app as device_app
 from ohmloom._cli_fmu import app as fmu_app
 from ohmloom._cli_fmu import join_start_values
+from ohmloom._cli_map import map_network
 from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
 
@@ -155,35 +156,7 @@ def evolve(
               f"first reached {first}")  # fmt: skip
 
 
-@app.command("map")
-def map_network(
-    net: NetArgument,
-    hardware: Annotated[str, typer.Option(help=HardwareHelp)],
-    out: Annotated[Path, typer.Option(help="Folder for plan.json, placement.csv and crossbars.png.")],
-    json_: JsonOption = False,
-) -> None:
-    """Place a network on a crossbar: which synapse on which device, line and conductance."""
-    from ohmloom.mapping import Hardware, place
-    from ohmloom.neurocontroller import Network
-    from ohmloom.report.output import PLAN_FILES, save_plan
-
-    plan = place(Network.load(net), Hardware.load(hardware))
-    check_folder(out)
-    check_targets([out / name for name in PLAN_FILES], [net, Path(hardware)])
-    paths = save_plan(plan, out)
-    if json_:
-        _print_json({"plan": str(paths[0]), "files": [str(p) for p in paths], "tiles": [
-            {"kind": t.kind, "card": t.card, "rows": len(t.rows), "columns": len(t.columns)} for t in plan.tiles
-        ], "synapses": len(plan.crosspoints), "assumed": _assumed(plan.hardware)})  # fmt: skip
-        return
-    for tile in plan.tiles:
-        extra = ", plus a reference column" if tile.has_reference else ""
-        print(f"{tile.kind}: {len(tile.rows)} rows x {len(tile.columns)} columns of {tile.card}{extra}")
-    print(f"all {len(plan.crosspoints)} synapses placed")
-    for line in _assumed(plan.hardware):
-        print(f"assumed: {line}")
-    for path in paths:
-        print(path)
+app.command("map")(map_network)
 
 
 @app.command()
@@ -286,17 +259,6 @@ def doctor(json_: JsonOption = False) -> None:
 
 def _print_json(table: Any) -> None:
     print(json.dumps(table, indent=1))
-
-
-def _assumed(hardware: Any) -> list[str]:
-    from ohmloom.mapping.hardware import UNITS
-    from ohmloom.units import format_quantity
-
-    return [
-        f"{name} = {format_quantity(q.value, UNITS[name])}, {q.source.removeprefix('assumed').lstrip(': ')}"
-        for name, q in hardware.quantities().items()
-        if q.is_assumed
-    ]
 
 
 def _print_study(study: Feasibility) -> None:

@@ -23,13 +23,13 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     '1.52 ms'
     >>> format_quantity(90.9, "events"), format_quantity(24777, "pulses")
     ('90.9 events', '24,777 pulses')
-    >>> format_quantity(0.0094, "1/s")
-    '0.0094 1/s'
+    >>> format_quantity(0.0094, "1/s"), format_quantity(4e-12, "m2")
+    ('0.0094 1/s', '4e-12 m2')
     """
     if not math.isfinite(value):
         return f"{value} {unit}".strip()
     # A prefix belongs to one unit, not to a quotient or a power of units.
-    if unit in UNSCALED or "/" in unit or "^" in unit or value == 0:
+    if unit in UNSCALED or "/" in unit or unit[-1].isdigit() or value == 0:
         text = f"{value:,.0f}" if 1e3 <= abs(value) < 1e9 else f"{value:.{digits}g}"
         return f"{text} {'' if unit == '1' else unit}".strip()
     rounded = float(f"{value:.{digits - 1}e}")

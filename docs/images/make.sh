@@ -9,7 +9,7 @@ ohmloom map "$net" --hardware het_mixed --out "$work/map" > /dev/null
 ohmloom replay "$net" --hardware het_mixed --seed 3 --out "$work/replay.png" > /dev/null
 ohmloom device fit pickett --series-resistance 2.4k --law tio2_threshold --holdout pickett_fast --out "$work/fit" > /dev/null
 # Fewer colours: a third of the bytes. Median cut would merge the colours of the legend, maximum coverage keeps them.
-python - "$work/map/crossbars.png" "$work/replay.png" "$work/fit/fit.png" <<'PY'
+python - "$work/map/crossbars.png" "$work/map/example.png" "$work/map/pulses.png" "$work/replay.png" "$work/fit/fit.png" <<'PY'
 import sys
 from pathlib import Path
 
@@ -21,6 +21,7 @@ for name in map(Path, sys.argv[1:]):
 PY
 
 mkdir -p docs/examples
+python benchmarks/maps.py > docs/examples/maps.txt
 # The tables of docs/fitting.md take half an hour, and a folder of measured files that is not part of the repository.
 if [ -n "${MEASURED:-}" ]; then
   for what in errors success coverage speed; do

@@ -103,6 +103,11 @@ def no_flux(s: float, p: Any) -> float:
     return float("nan")
 
 
+def no_conductance(s: float, v: float, p: Any) -> float:
+    """What a law that is not ideal has where only ideal ones are asked for."""
+    return float("nan")
+
+
 def _teach_helpers() -> None:
     """Let compiled laws call what they share: the functions of `_functions`, and those of each other's modules."""
     for function, numeric in _functions.ELEMENTARY.items():
@@ -121,18 +126,27 @@ def _teach_helpers() -> None:
 
 _teach_helpers()
 _conductance = build_conductance([law.conductance for law in LAWS.values()])
+_ideal_conductance = build_conductance(
+    [law.conductance if law.is_ideal else no_conductance for law in LAWS.values()], len(LAWS)
+)
 _charge_rate = build_charge_rate([law.charge_rate for law in LAWS.values()])
 _flux = build_flux([law.flux or no_flux for law in LAWS.values()])
 _state_at_flux = build_state_at_flux(
     [(law.state_at_flux if name in CLOSED_INVERSES else None) or no_flux for name, law in LAWS.items()]
 )
-_metered_pulse, _current_pulse = build_pulses(_conductance, _charge_rate, "laws")
+_metered_pulse, _current_pulse, _voltage_pulse = build_pulses(_conductance, _charge_rate, "laws")
 
 
 @kernel
 def conductance(law_index: int, s: float, v: float, p: Any) -> float:
     """G(s, v) in S; NaN for an index that no law has."""
     return _conductance(law_index, s, v, p)
+
+
+@kernel
+def ideal_conductance(law_index: int, s: float, p: Any) -> float:
+    """G(s) in S of an ideal law; NaN for any other, which leaves a kernel smaller than `conductance` would."""
+    return _ideal_conductance(law_index + len(LAW_NAMES), s, 0.0, p)
 
 
 @kernel
@@ -175,4 +189,14 @@ def current_pulse(
     Returns (s at the end, energy in J, largest abs(v) in V).
     """
     result: tuple[float, float, float] = _current_pulse(law_index, s, p, q_d, current, duration)
+    return result
+
+
+@kernel
+def voltage_pulse(law_index: int, s: float, p: Any, q_d: float, voltage: float, duration: float) -> tuple[float, float]:
+    """Hold `voltage` [V], of either sign, for `duration` [s].
+
+    Returns (s at the end, transported charge in C).
+    """
+    result: tuple[float, float] = _voltage_pulse(law_index, s, p, q_d, voltage, duration)
     return result

@@ -48,8 +48,8 @@ STILL = 1e-18
 
 def build_pulses(
     conductance: Callable[..., float], charge_rate: Callable[..., float], tag: str
-) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Make `metered_pulse` and `current_pulse` out of inner kernels; contracts are in `_kernels`.
+) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
+    """Make `metered_pulse`, `current_pulse` and `voltage_pulse` out of inner kernels; contracts are in `_kernels`.
 
     `tag` tells these pulses from those made of other kernels.
     """
@@ -66,8 +66,14 @@ def build_pulses(
         v = port_voltage(law_index, s, p, current)
         return charge_rate(law_index, s, v, current, p) / q_d, v * current
 
+    @closure_kernel(tag)
+    def held_slopes(law_index: int, s: float, p: Any, q_d: float, voltage: float) -> tuple[float, float]:
+        i = conductance(law_index, s, voltage, p) * voltage
+        return charge_rate(law_index, s, voltage, i, p) / q_d, i
+
     over_charge = _build_advance(charge_slopes, f"{tag}_charge")
     over_time = _build_advance(time_slopes, f"{tag}_time")
+    over_held = _build_advance(held_slopes, f"{tag}_held")
 
     @closure_kernel(tag)
     def metered_pulse(
@@ -90,7 +96,14 @@ def build_pulses(
         last = abs(port_voltage(law_index, s_new, p, current))
         return s_new, energy, max(first, last)
 
-    return metered_pulse, current_pulse
+    @closure_kernel(tag)
+    def voltage_pulse(
+        law_index: int, s: float, p: Any, q_d: float, voltage: float, duration: float
+    ) -> tuple[float, float]:
+        result: tuple[float, float] = over_held(law_index, s, p, q_d, voltage, duration)
+        return result
+
+    return metered_pulse, current_pulse, voltage_pulse
 
 
 def build_port_voltage(conductance: Callable[..., float], tag: str) -> Callable[..., float]:

@@ -1,230 +1,350 @@
-"""Compiled emulation: line voltages, column currents, charge integrators, and pulses through each device's own law.
+"""Compiled emulation: spikes on rows, currents into columns, membranes, and pulses through each device's own law.
 
-Weights and charges here are conductances and coulombs; nothing is shared with the discrete controller but the membrane
-equation and the classification of the outputs.
+Nothing is shared with the discrete controller but the membrane equation, the classification of the outputs, and how
+events are counted where a law has a closed form.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-import numpy.typing as npt
+import math
+from collections.abc import Callable
+from typing import Any
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom._jit import copy_flat, kernel
-from ohmloom.devices._kernels import conductance, current_pulse, metered_pulse
+from ohmloom._jit import choose_by_type, inlined_kernel, inner_kernel, kernel
+from ohmloom._philox_kernels import normal
+from ohmloom.devices._event_kernels import read_weight
+from ohmloom.mapping._cell_kernels import count_events, place_at, refresh, write_pulse
+from ohmloom.mapping._fabric import (
+    ARRAY,
+    BUSY,
+    BUSY_LINES,
+    CHARGE_TOTAL,
+    COLUMN,
+    COLUMN_LINE,
+    DISABLED_EVENTS,
+    EVENTS,
+    FAILED,
+    IDEAL,
+    LOST,
+    MAY_FIRE,
+    PROGRAM_ENERGY,
+    READ_ENERGY,
+    ROW,
+    SPIKES,
+    SPURIOUS,
+    STEP,
+    STEPS_DONE,
+    WANTED_DOWN,
+    WANTED_UP,
+    WORST_BUSY,
+    DrivenLines,
+    Fabric,
+    FabricState,
+    LineState,
+    NoWires,
+    SelectedCells,
+    Wires,
+)
+from ohmloom.mapping._wire_kernels import half_select, program_tile, update_reads
 from ohmloom.neurocontroller._kernels import INPUTS, STEPS, classify, membrane
-
-CELL, COLUMN, ARRAY = 0, 1, 2
-CHARGE_METERED, CURRENT = 0, 1
-# Entries of Fabric state's `total`.
-EVENTS, LOST, SPURIOUS, IDEAL, CHARGE, PROGRAM_ENERGY, READ_ENERGY, SPIKES, STEPS_DONE, BUSY, WORST_BUSY = range(11)
-TOTALS = 11
-
-
-class Fabric(NamedTuple):
-    """One die, read only. Synapses are sorted by receiver, then tile, then row."""
-
-    neurons: int
-    tiles: int
-    starts: IntArray  # (receiver + 1,)
-    sender: IntArray  # (synapse,)
-    receiver: IntArray
-    tile: IntArray
-    column: IntArray  # (synapse,) index of the bit line within its tile
-    polarity: FloatArray
-    tap: IntArray
-    first_state: FloatArray
-    event_charge: FloatArray  # (synapse,) [C]
-    threshold: FloatArray  # (synapse,) [V]
-    law: IntArray  # (tile,)
-    parameters: FloatArray  # (tile, parameter)
-    charge_scale: FloatArray  # (tile,) q_d [C]
-    reference: FloatArray  # (tile,) conductance that is subtracted [S]
-    gain: FloatArray  # (tile,) 1 / (V_read (G_on - reference)) [1/A]
-    is_plastic: npt.NDArray[np.bool_]  # (tile,)
-    levels: FloatArray  # (ls,) line voltage [V]
-    drive: int
-    parallelism: int
-    pulse_voltage: float
-    pulse_duration: float
-    read_voltage: float
-    read_duration: float
-    a: float
-    b: float
-    c: float
-    c_ini: float
-    y_thresh: float
-    synapse_gain: float
-    stdp_threshold: int
-    high_count: int
-    input_bias: bool
-    clamp: bool
-    carry: bool
-
-
-class FabricState(NamedTuple):
-    """What changes while a die runs."""
-
-    y: FloatArray  # (neuron,)
-    ls: IntArray  # (neuron,)
-    ring: npt.NDArray[np.bool_]  # (slot, neuron) shift registers of the rows
-    clock: IntArray  # [step]
-    state: FloatArray  # (synapse,) s
-    g: FloatArray  # (synapse,) [S]
-    pulses: IntArray  # (synapse,)
-    busy: FloatArray  # (tile, column, polarity) programming time of this step [s]
-    total: FloatArray  # (TOTALS,)
 
 
 @kernel
 def reset_activity(f: Fabric, s: FabricState) -> None:
-    s.y[:] = f.c_ini
-    s.ls[:] = 0
-    s.ring[:] = False
-    s.clock[0] = 0
+    for j in range(s.neurons.shape[0]):
+        s.neurons[j]["y"] = f.constants[0]["c_ini"]
+        s.neurons[j]["ls"] = 0
+    s.ring[:] = 0.0
+    s.clock[STEP] = 0
 
 
 @kernel
 def reset(f: Fabric, s: FabricState) -> None:
     """Every device back to its programmed state; the ledger too."""
     reset_activity(f, s)
-    copy_flat(s.state, f.first_state)
-    for k in range(f.sender.shape[0]):
-        t = f.tile[k]
-        s.g[k] = conductance(f.law[t], s.state[k], 0.0, f.parameters[t])
-    s.pulses[:] = 0
+    for k in range(f.cells.shape[0]):
+        cell, now, tile = f.cells[k], s.cells[k], f.tiles[f.cells[k]["tile"]]
+        now["s"], now["origin"], now["count"] = cell["first_s"], cell["first_origin"], 0.0
+        now["belief_origin"], now["belief_count"] = cell["first_belief"], 0.0
+        now["pulses"] = 0
+        if cell["is_live"]:
+            refresh(f.pulses, cell, now, tile)
+        else:
+            g = cell["fixed_g"]
+            now["g"], now["load"] = g, g + tile["reference"]
+            now["weight"] = cell["polarity"] * tile["gain"] * read_weight(g, tile["reference"], tile["g_on"])
+    s.is_stale[:] = True
     s.total[:] = 0.0
+    s.clock[FAILED] = 0
+    _reset_lines(s.lines)
 
 
-@kernel
+@inner_kernel
+def age(f: Fabric, s: FabricState) -> None:
+    """What one timestep does to every state at rest."""
+    decay = f.constants[0]["decay"]
+    if decay != 1.0:
+        for k in range(f.cells.shape[0]):
+            if f.cells[k]["is_live"]:
+                place_at(f.pulses, f.cells[k], s.cells[k], f.tiles[f.cells[k]["tile"]], s.cells[k]["s"] * decay)
+        s.is_stale[:] = True
+
+
+@inlined_kernel
 def read_column(
-    starts: IntArray, sender: IntArray, tile: IntArray, polarity: FloatArray, tap: IntArray, reference: FloatArray,
-    gain: FloatArray, voltage: float, ring: npt.NDArray[np.bool_], now: int, g: FloatArray, receiver: int,
-) -> tuple[float, float]:  # fmt: skip
-    """Column-serial read of one receiver: sum over its tiles of (column - reference current) * gain.
+    starts: IntArray, cells: Any, state: Any, ring: FloatArray, j: int, now: int
+) -> tuple[float, float, float]:
+    """Column-serial read of one receiver: weighted sum, sum of its squares, conductance that its rows drive [S].
 
-    Each row is driven at its polarity if the tap of its shift register holds a spike. Returns the weighted sum and
-    the power drawn from the rows [W].
+    A row is driven if the tap of its shift register holds a spike. Adding 0 for the others changes no bit of the sum,
+    and costs less than asking.
     """
-    slots = ring.shape[0]
-    total, power = 0.0, 0.0
-    current, subtracted, open_tile = 0.0, 0.0, -1
-    for k in range(starts[receiver], starts[receiver + 1]):
-        if tile[k] != open_tile:
-            if open_tile >= 0:
-                total += (current - subtracted) * gain[open_tile]
-            current, subtracted, open_tile = 0.0, 0.0, tile[k]
-        sent = now - tap[k]
-        if sent >= 0 and ring[sent % slots, sender[k]]:
-            v = polarity[k] * voltage
-            current += v * g[k]
-            subtracted += v * reference[open_tile]
-            power += voltage * voltage * (g[k] + reference[open_tile])
-    if open_tile >= 0:
-        total += (current - subtracted) * gain[open_tile]
-    return total, power
+    mask = ring.shape[0] - 1
+    total, squares, conducting = 0.0, 0.0, 0.0
+    for k in range(starts[j], starts[j + 1]):
+        spike = ring[(now - cells[k]["tap"]) & mask, cells[k]["sender"]]
+        part = spike * state[k]["weight"]
+        total += part
+        squares += part * part
+        conducting += spike * state[k]["load"]
+    return total, squares, conducting
 
 
-@kernel
-def _program(f: Fabric, s: FabricState) -> None:
-    """Two-part spikes on rows and columns: every device above its threshold gets one event through its own law."""
-    levels, law, parameters, q_d = f.levels, f.law, f.parameters, f.charge_scale
-    sender, receiver, tiles, columns = f.sender, f.receiver, f.tile, f.column
-    threshold, event_charge, is_plastic = f.threshold, f.event_charge, f.is_plastic
-    ls, state, g, busy, total, pulses = s.ls, s.state, s.g, s.busy, s.total, s.pulses
-    limit = f.stdp_threshold
-    busy[:] = 0.0
-    for k in range(sender.shape[0]):
-        t = tiles[k]
-        if not is_plastic[t]:
-            continue
-        pre, post = ls[sender[k]], ls[receiver[k]]
-        v = levels[post] - levels[pre]
-        fired = 1 if v > threshold[k] else (-1 if v < -threshold[k] else 0)
-        wanted = 0
-        if pre + post > limit and pre != post:
-            wanted = 1 if post > pre else -1
-        total[IDEAL] += wanted != 0
-        total[LOST] += wanted != 0 and fired != wanted
-        total[SPURIOUS] += fired != 0 and fired != wanted
-        if fired == 0:
-            continue
-        charge = fired * event_charge[k]
-        if f.drive == CHARGE_METERED:
-            state[k], duration, energy = metered_pulse(
-                law[t], state[k], parameters[t], q_d[t], fired * f.pulse_voltage, charge
-            )
-        else:
-            duration = f.pulse_duration
-            state[k], energy, _ = current_pulse(law[t], state[k], parameters[t], q_d[t], charge / duration, duration)
-        g[k] = conductance(law[t], state[k], 0.0, parameters[t])
-        side = 0 if fired > 0 else 1
-        if f.parallelism == ARRAY:
-            busy[t, 0, side] = max(busy[t, 0, side], duration)
-        elif f.parallelism == COLUMN:
-            busy[t, columns[k], side] += duration
-        else:
-            busy[t, 0, side] += duration
-        pulses[k] += 1
+@inner_kernel
+def disturb(f: Fabric, s: FabricState, now: int) -> None:
+    """What a step's reads do to the cells that are read: a positive row pulse depresses."""
+    part, mask = f.constants[0]["read_disturb"], s.ring.shape[0] - 1
+    for k in range(f.cells.shape[0]):
+        cell = f.cells[k]
+        if cell["is_live"] and s.ring[(now - cell["tap"]) & mask, cell["sender"]] > 0.0:
+            tile = f.tiles[cell["tile"]]
+            count_events(s.cells[k], tile, -part if cell["polarity"] > 0.0 else part)
+            refresh(f.pulses, cell, s.cells[k], tile)
+            s.is_stale[cell["tile"]] = True
+
+
+@inlined_kernel
+def sense(constants: Any, neuron: Any, j: int, read: int, total: float, squares: float) -> float:
+    """What the periphery makes of a column's current: settling, offset, noise, converter."""
+    total = total * constants["settled"] + neuron["offset"]
+    if constants["read_noise"] > 0.0:
+        total += constants["read_noise"] * math.sqrt(squares) * normal(constants["read_key"], j, read)
+    if constants["bits"] > 0 and neuron["full_scale"] > 0.0:
+        step = 2.0 * neuron["full_scale"] / (1 << constants["bits"])
+        total = min(max(step * math.floor(total / step + 0.5), -neuron["full_scale"]), neuron["full_scale"])
+    return total
+
+
+@inlined_kernel
+def judge(is_synapse: bool, asked: int, written: float, total: FloatArray) -> int:
+    """Enter into the ledger what one cell was asked for and what it did; the pulses that it got."""
+    fired = written != 0.0
+    if fired:
         total[EVENTS] += 1
-        total[CHARGE] += abs(charge)
-        total[PROGRAM_ENERGY] += energy
+    if not is_synapse:
+        total[DISABLED_EVENTS] += fired
+        return 1 if fired else 0
+    wanted = 1.0 if asked & WANTED_UP else -1.0 if asked & WANTED_DOWN else 0.0
+    total[IDEAL] += wanted != 0.0
+    total[LOST] += wanted != 0.0 and written != wanted
+    total[SPURIOUS] += fired and written != wanted
+    return 1 if fired else 0
+
+
+@inlined_kernel
+def write_cell(
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, phase: FloatArray, levels: FloatArray, pre: int,
+    post: int, busy: FloatArray, total: FloatArray,
+) -> float:  # fmt: skip
+    """All phases on one cell that sees the voltage of its lines; the signed part of an event that was written."""
+    written = 0.0
+    for p in range(phase.shape[0]):
+        row, column, width = levels[p, ROW, pre], levels[p, COLUMN_LINE, post], phase[p]
+        level = column - row
+        if level == 0.0:
+            continue
+        strength = abs(level) / constants["event_level"]
+        sign, v = 1 if level > 0.0 else -1, strength * constants["pulse_voltage"]
+        if cell["series"] > 0.0:
+            v /= 1.0 + cell["series"] * now["g"]
+        if cell["is_live"] and v > cell["threshold"]:
+            duration, charge, energy = write_pulse(pulses, cell, now, tile, constants, sign, strength, width)
+            refresh(pulses, cell, now, tile)
+            t, side = cell["tile"], 0 if sign > 0 else 1
+            if constants["parallelism"] == ARRAY:
+                busy[t, 0, side] = max(busy[t, 0, side], duration)
+            else:
+                busy[t, cell["column"] if constants["parallelism"] == COLUMN else 0, side] += duration
+            total[CHARGE_TOTAL] += charge
+            total[PROGRAM_ENERGY] += energy
+            written += sign * width
+        elif constants["counts_half_selects"]:
+            total[PROGRAM_ENERGY] += v * v * now["g"] * tile["duration"] * width
+            half_select(pulses, cell, now, tile, constants, total, row, column, sign)
+    return written
+
+
+@inlined_kernel
+def program_cells(
+    pulses: Any, cells: Any, state: Any, tiles: Any, constants: Any, neurons: Any, starts: IntArray, table: Any,
+    phase: FloatArray, levels: FloatArray, busy: FloatArray, total: FloatArray, clock: IntArray, is_stale: Any,
+) -> None:  # fmt: skip
+    """Program cells that see exactly the voltage of their lines, or that are selected one by one."""
+    for j in range(INPUTS, neurons.shape[0]):
+        post = neurons[j]["ls"]
+        if post == 0:
+            continue  # nothing is asked for, and no waveform has a level that fires, where ls = 0
+        for k in range(starts[j], starts[j + 1]):
+            cell = cells[k]
+            pre = neurons[cell["sender"]]["ls"]
+            asked = table[pre, post]
+            tile = tiles[cell["tile"]]
+            if asked == 0 or tile["family"] < 0:
+                continue
+            written = 0.0
+            if asked & MAY_FIRE:
+                clock[BUSY_LINES] = 1
+                is_stale[cell["tile"]] = True
+                written = write_cell(
+                    pulses, cell, state[k], tile, constants, phase, levels, pre, post, busy, total
+                )  # fmt: skip
+            state[k]["pulses"] += judge(cell["is_synapse"], asked, written, total)
 
 
 @kernel
-def _account_time(busy: FloatArray, total: FloatArray) -> None:
+def program_wired(f: Fabric, s: FabricState) -> None:
+    """The waveform on all lines of all tiles at once, through their wires."""
+    for t in range(f.tiles.shape[0]):
+        if f.tiles[t]["family"] >= 0:
+            program_tile(f, s, t)
+            s.busy[t, 0, 0] = f.tiles[t]["duration"] * f.phase.sum()
+            s.clock[BUSY_LINES] = 1
+    for k in range(f.cells.shape[0]):
+        cell = f.cells[k]
+        if f.tiles[cell["tile"]]["family"] >= 0:
+            written = 0.0
+            for phase in range(f.phase.shape[0]):
+                written += s.lines.fired[phase, k] * f.phase[phase]
+            asked = f.table[s.neurons[cell["sender"]]["ls"], s.neurons[cell["receiver"]]["ls"]]
+            s.cells[k]["pulses"] += judge(cell["is_synapse"], asked, written, s.total)
+
+
+@inner_kernel
+def account_time(busy: FloatArray, total: FloatArray) -> None:
     """All tiles are programmed side by side at the end of a step; within one, columns side by side."""
     worst = 0.0
     for t in range(busy.shape[0]):
         for column in range(busy.shape[1]):
             worst = max(worst, busy[t, column, 0] + busy[t, column, 1])
+            busy[t, column, 0] = busy[t, column, 1] = 0.0
     total[BUSY] += worst
     total[WORST_BUSY] = max(total[WORST_BUSY], worst)
-    total[STEPS_DONE] += 1
+
+
+# Each part takes long to compile: a fabric's types name those that it needs.
+def _prepare_reads(wires: Any, f: Fabric, s: FabricState) -> None:
+    _PREPARATIONS[type(wires)](wires, f, s)
+
+
+def _prepare_none(wires: Any, f: Fabric, s: FabricState) -> None:
+    pass
+
+
+def _prepare_lines(wires: Any, f: Fabric, s: FabricState) -> None:
+    update_reads(f, s)
+
+
+def _program(lines: Any, f: Fabric, s: FabricState) -> None:
+    _PROGRAMS[type(lines)](lines, f, s)
+
+
+def _program_selected(lines: Any, f: Fabric, s: FabricState) -> None:
+    program_cells(
+        f.pulses, f.cells, s.cells, f.tiles, f.constants[0], s.neurons, f.starts, f.table, f.phase, f.levels, s.busy,
+        s.total, s.clock, s.is_stale,
+    )  # fmt: skip
+
+
+def _program_driven(lines: Any, f: Fabric, s: FabricState) -> None:
+    program_wired(f, s)
+
+
+def _reset_lines(lines: Any) -> None:
+    _RESETS[type(lines)](lines)
+
+
+def _reset_none(lines: Any) -> None:
+    pass
+
+
+def _reset_guesses(lines: Any) -> None:
+    lines.u[:] = 0.0
+    lines.u_program[:] = 0.0
+
+
+_PREPARATIONS: dict[type, Callable[..., None]] = {NoWires: _prepare_none, Wires: _prepare_lines}
+_PROGRAMS: dict[type, Callable[..., None]] = {SelectedCells: _program_selected, DrivenLines: _program_driven}
+_RESETS: dict[type, Callable[..., None]] = {NoWires: _reset_none, LineState: _reset_guesses}
+choose_by_type(_prepare_reads, _PREPARATIONS)
+choose_by_type(_program, _PROGRAMS)
+choose_by_type(_reset_lines, _RESETS)
 
 
 @kernel
-def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, last_spike: int, steps: int) -> None:
+def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
     """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike."""
-    slots = s.ring.shape[0]
-    neurons, a, b, c, clamp, gain = f.neurons, f.a, f.b, f.c, f.clamp, f.synapse_gain
-    starts, sender, tile, polarity, tap = f.starts, f.sender, f.tile, f.polarity, f.tap
-    reference, tile_gain, voltage = f.reference, f.gain, f.read_voltage
-    y_all, ls, ring, g, total = s.y, s.ls, s.ring, s.g, s.total
-    input_bias = a if f.input_bias else 0.0
+    neurons, state, ring, total, constants = f.neurons, s.neurons, s.ring, s.total, f.constants[0]
+    mask = ring.shape[0] - 1
+    clamp, gain, c, last_spike = constants["clamp"], constants["synapse_gain"], constants["c"], constants["last_spike"]
+    read_starts, reads, read_state = f.read_starts, f.reads, s.reads
+    energy = constants["read_voltage"] * constants["read_voltage"] * constants["read_duration"]
     for _ in range(steps):
-        now = s.clock[0]
-        for j in range(neurons):
+        now, step = s.clock[STEP], int(total[STEPS_DONE])
+        _prepare_reads(f.wires, f, s)
+        for j in range(neurons.shape[0]):
+            a, b = neurons[j]["a"], neurons[j]["b"]
             if j < INPUTS:
-                y = membrane(y_all[j], sensors[j], input_bias, b, clamp)
+                y = membrane(state[j]["y"], sensors[j], a, b, clamp)
             else:
-                weighted, power = read_column(
-                    starts, sender, tile, polarity, tap, reference, tile_gain, voltage, ring, now, g, j
-                )
-                total[READ_ENERGY] += power * f.read_duration
-                y = membrane(y_all[j], gain * weighted, a, b, clamp)
-            above = y > f.y_thresh
-            y_all[j] = c if above else y
-            ring[now % slots, j] = above
+                weighted, squares, conducting = read_column(read_starts, reads, read_state, ring, j, now)
+                total[READ_ENERGY] += energy * conducting
+                weighted = sense(constants, neurons[j], j, step, weighted, squares)
+                y = membrane(state[j]["y"], gain * weighted, a, b, clamp)
+            above = y > neurons[j]["y_thresh"]
+            state[j]["y"] = c if above else y
+            ring[now & mask, j] = 1.0 if above else 0.0
             if above:
-                ls[j] = last_spike
+                state[j]["ls"] = last_spike
                 spiked[j] += 1
                 total[SPIKES] += 1
-        _program(f, s)
-        _account_time(s.busy, total)
-        for j in range(neurons):
-            if ls[j] > 0:
-                ls[j] -= 1
-        s.clock[0] = now + 1
+        if constants["read_disturb"] > 0.0:
+            disturb(f, s, now)
+        s.clock[BUSY_LINES] = 0
+        _program(f.lines, f, s)
+        if s.clock[BUSY_LINES] > 0:
+            account_time(s.busy, total)
+        for j in range(neurons.shape[0]):
+            if state[j]["ls"] > 0:
+                state[j]["ls"] -= 1
+        total[STEPS_DONE] += 1
+        s.clock[STEP] = now + 1
 
 
 @kernel
-def timestep(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, last_spike: int) -> int:
-    """21 steps; `spiked` (neuron,) becomes the spike counts. Returns the action."""
-    if not f.carry:
+def begin_timestep(f: Fabric, s: FabricState) -> None:
+    """What happens before the 21 steps of a timestep."""
+    if s.total[STEPS_DONE] > 0:
+        age(f, s)
+    if not f.constants[0]["carry"]:
         reset_activity(f, s)
+
+
+@kernel
+def timestep(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray) -> int:
+    """21 steps; `spiked` (neuron,) becomes the spike counts. Returns the action."""
+    begin_timestep(f, s)
     spiked[:] = 0
-    run_steps(f, s, sensors, spiked, last_spike, STEPS)
-    return classify(spiked[f.neurons - 2], spiked[f.neurons - 1], f.high_count)
+    run_steps(f, s, sensors, spiked, STEPS)
+    last = spiked.shape[0]
+    return classify(spiked[last - 2], spiked[last - 1], f.constants[0]["high_count"])

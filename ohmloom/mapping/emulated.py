@@ -3,55 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom.errors import ParameterError, expect_number, expect_type
+from ohmloom.errors import OperationError, ParameterError, expect_number, expect_type
+from ohmloom.mapping._fabric import FAILED, STEP, Wires, empty_state
 from ohmloom.mapping.die import Die
-from ohmloom.mapping.plan import reads_with_reference
+from ohmloom.mapping.ledger import Ledger
+from ohmloom.mapping.plan import Plan
 from ohmloom.neurocontroller.controller import ACTIONS, checked_sensors
-from ohmloom.neurocontroller.kinds import MEM_LIFETIME, PLASTIC_KINDS
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ledger:
-    """What programming and reading cost since the last reset.
-
-    Attributes
-    ----------
-    events, ideal_events, lost, spurious
-        Events written; events that eqs. 10 and 11 ask for on the same spikes; asked for and not (or wrongly)
-        written; written and not (or wrongly) asked for.
-    charge, programming_energy, read_energy
-        Transported charge [C], energy in the devices [J].
-    spikes, steps
-        Spikes of all neurons; steps of 1/21 timestep.
-    reading_time
-        Time to read the columns of the widest tile one after the other, the same in every step [s].
-    mean_programming_time, worst_programming_time
-        Programming time of a step [s]; tiles are programmed side by side.
-    most_pulses, pulses
-        Of the device that has most; of all.
-    """
-
-    events: int
-    ideal_events: int
-    lost: int
-    spurious: int
-    charge: float
-    programming_energy: float
-    read_energy: float
-    spikes: int
-    steps: int
-    reading_time: float
-    mean_programming_time: float
-    worst_programming_time: float
-    most_pulses: int
-    pulses: int
+from ohmloom.neurocontroller.device_levels import state_of_weight
 
 
 class EmulatedController:
@@ -63,6 +27,8 @@ class EmulatedController:
         From `Plan.sample` or `Plan.nominal`.
     perturb
         Relative error of every event's charge; 0 is right. For tests that must notice a wrong charge.
+    integrate
+        Follow every law's own differential equation, even where it has a closed form. For tests of these forms.
 
     Raises
     ------
@@ -80,8 +46,10 @@ class EmulatedController:
     True
     """
 
-    def __init__(self, die: Die, *, perturb: float = 0.0) -> None:
+    def __init__(self, die: Die, *, perturb: float = 0.0, integrate: bool = False) -> None:
+        from ohmloom.circuits._crossbar_kernels import SCRATCH
         from ohmloom.mapping import _kernels
+        from ohmloom.mapping.fabric import build_fabric
 
         expect_type("EmulatedController.die", die, Die)
         perturb = expect_number("EmulatedController.perturb", perturb, "a number > -1, at most 1e6")
@@ -90,17 +58,11 @@ class EmulatedController:
                                  "Use 0.001 or so.")  # fmt: skip
         self.die = die
         self._kernels = _kernels
-        self._fabric, self._order = _fabric(die, perturb)
-        self._columns = max((len(tile.columns) for tile in die.plan.tiles), default=1)
-        self._last_spike = die.plan.network.readings.last_spike
-        n, synapses = self._fabric.neurons, len(self._fabric.sender)
-        slots = int(self._fabric.tap.max(initial=1)) + 1
-        self._state = _kernels.FabricState(
-            np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros((slots, n), dtype=np.bool_),
-            np.zeros(1, dtype=np.int64), np.zeros(synapses), np.zeros(synapses), np.zeros(synapses, dtype=np.int64),
-            np.zeros((self._fabric.tiles, self._columns, 2)), np.zeros(_kernels.TOTALS),
-        )  # fmt: skip
-        self._counts = np.zeros(n, dtype=np.int64)
+        self._fabric, self._order, self._disabled = build_fabric(die, perturb=perturb, integrate=integrate)
+        self._is_wired = isinstance(self._fabric.wires, Wires)
+        columns = max((len(tile.columns) + tile.spare_columns for tile in die.plan.tiles), default=1)
+        self._state = empty_state(self._fabric, slots=self._longest_tap() + 1, columns=columns, scratch=SCRATCH)
+        self._counts = np.zeros(len(self._fabric.neurons), dtype=np.int64)
         self.reset()
 
     def reset(self) -> None:
@@ -109,22 +71,48 @@ class EmulatedController:
         self._counts[:] = 0
 
     def step(self, sensors: Sequence[float] | FloatArray) -> str:
-        """One timestep of 21 steps; sensors (6,) in [0, 1] in, ``forward``, ``left`` or ``right`` out."""
+        """One timestep of 21 steps; sensors (6,) in [0, 1] in, ``forward``, ``left`` or ``right`` out.
+
+        Raises
+        ------
+        ParameterError
+            If `sensors` is not six numbers in [0, 1].
+        OperationError
+            If the potentials of the wires do not converge.
+        """
         values = checked_sensors("EmulatedController.step", sensors)
-        action = self._kernels.timestep(self._fabric, self._state, values, self._counts, self._last_spike)
+        action = self._kernels.timestep(self._fabric, self._state, values, self._counts)
+        self.check_solved()
         return ACTIONS[action]
 
     def spikes(self, sensors: Sequence[float] | FloatArray) -> npt.NDArray[np.bool_]:
         """One single step; which neurons spiked, axes (neuron,). For comparisons step by step."""
         values = checked_sensors("EmulatedController.spikes", sensors)
-        spiked = np.zeros(self._fabric.neurons, dtype=np.int64)
-        self._kernels.run_steps(self._fabric, self._state, values, spiked, self._last_spike, 1)
+        spiked = np.zeros(len(self._fabric.neurons), dtype=np.int64)
+        self._kernels.run_steps(self._fabric, self._state, values, spiked, 1)
+        self.check_solved()
         return spiked.astype(np.bool_)
 
     def begin_timestep(self) -> None:
-        """What `step` does before its 21 steps: a network that does not carry its state over starts anew."""
-        if not self._fabric.carry:
-            self._kernels.reset_activity(self._fabric, self._state)
+        """What `step` does before its 21 steps: devices age, and a network that does not carry its state starts anew."""
+        self._kernels.begin_timestep(self._fabric, self._state)
+
+    def check_solved(self) -> None:
+        """Refuse numbers from wires whose potentials did not converge.
+
+        Raises
+        ------
+        OperationError
+            If any solve since the last reset did not converge.
+        """
+        if self._state.clock[FAILED]:
+            raise OperationError(f"EmulatedController: expected the potentials of the wires to converge, got {self._state.clock[FAILED]} "
+                                 "solves that did not. Check the resistances of wires and devices.")  # fmt: skip
+
+    @property
+    def kernel_arguments(self) -> tuple[Any, Any]:
+        """Die and state for a kernel that runs a whole trial."""
+        return self._fabric, self._state
 
     @property
     def output_spikes(self) -> IntArray:
@@ -139,48 +127,72 @@ class EmulatedController:
     @property
     def conductances(self) -> FloatArray:
         """Conductance of each synapse's device [S], in the network's order."""
-        values: FloatArray = self._in_order(self._state.g)
+        values: FloatArray = self._in_order(self._state.cells["g"])
         return values
 
     @property
     def states(self) -> FloatArray:
         """State s of each synapse's device, in [0, 1], in the network's order."""
-        values: FloatArray = self._in_order(self._state.state)
+        values: FloatArray = self._in_order(self._state.cells["s"])
         return values
 
     @property
     def weights(self) -> FloatArray:
-        """Weights as the periphery reads them, in the network's order: (G - reference) / (G_on - reference)."""
-        tile = self._fabric.tile
-        gain = self._fabric.gain[tile] * self._fabric.read_voltage
-        values: FloatArray = self._in_order((self._state.g - self._fabric.reference[tile]) * gain)
+        """Weights of the devices, in the network's order: (G - reference) / (G_on - reference)."""
+        values: FloatArray = self._in_order(self._weights_of_cells())
         return values
+
+    @property
+    def disabled_weights(self) -> FloatArray:
+        """Weights of what conducts at crosspoints without a synapse, (cell,); none where they are masked."""
+        return self._weights_of_cells()[self._disabled]
+
+    @property
+    def read_weights(self) -> FloatArray:
+        """Weights as read through wires and gains, without noise, in the network's order."""
+        from ohmloom.mapping._wire_kernels import update_reads
+
+        f, s = self._fabric, self._state
+        if not self._is_wired:
+            values: FloatArray = self._in_order(np.abs(s.cells["weight"]))
+            return values
+        update_reads(f, s)
+        self.check_solved()
+        place = {(r["tile"], r["row"], r["column"]): k for k, r in enumerate(f.reads)}
+        cells = f.cells[self._order]
+        read = [place[c["tile"], c["row"], c["column"]] for c in cells]
+        seen: FloatArray = np.abs(s.reads["weight"][read])
+        return seen
 
     @property
     def membranes(self) -> FloatArray:
         """Membrane potentials after resets, (neuron,), normalised."""
-        values: FloatArray = self._state.y.copy()
+        values: FloatArray = self._state.neurons["y"].copy()
         return values
 
     @property
     def pulses(self) -> IntArray:
         """Pulses that each synapse's device has had since the last reset, in the network's order."""
-        values: IntArray = self._in_order(self._state.pulses)
+        values: IntArray = self._in_order(self._state.cells["pulses"])
         return values
 
     @property
     def ledger(self) -> Ledger:
         """Events, energy and time since the last reset."""
-        k, total = self._kernels, self._state.total
+        from ohmloom.mapping import _fabric as k
+
+        total, pulses = self._state.total, self._state.cells["pulses"]
         steps = int(total[k.STEPS_DONE])
         return Ledger(
             events=int(total[k.EVENTS]), ideal_events=int(total[k.IDEAL]), lost=int(total[k.LOST]),
-            spurious=int(total[k.SPURIOUS]), charge=float(total[k.CHARGE]),
+            spurious=int(total[k.SPURIOUS]), charge=float(total[k.CHARGE_TOTAL]),
             programming_energy=float(total[k.PROGRAM_ENERGY]), read_energy=float(total[k.READ_ENERGY]),
-            spikes=int(total[k.SPIKES]), steps=steps, reading_time=self._columns * self._fabric.read_duration,
+            spikes=int(total[k.SPIKES]), steps=steps, reading_time=reading_time(self.die.plan),
             mean_programming_time=float(total[k.BUSY]) / max(steps, 1),
-            worst_programming_time=float(total[k.WORST_BUSY]), most_pulses=int(self._state.pulses.max(initial=0)),
-            pulses=int(self._state.pulses.sum()),
+            worst_programming_time=float(total[k.WORST_BUSY]), most_pulses=int(pulses.max(initial=0)),
+            pulses=int(pulses.sum()), disabled_events=int(total[k.DISABLED_EVENTS]),
+            half_selects_row=int(total[k.HALF_ROW]), half_selects_column=int(total[k.HALF_COLUMN]),
+            half_selects_both=int(total[k.HALF_BOTH]),
         )  # fmt: skip
 
     def restart_from(
@@ -195,73 +207,47 @@ class EmulatedController:
         weights
             (synapse,) in the network's order.
         """
+        from ohmloom.mapping._cell_kernels import place_at
+
         s = self._state
-        s.y[:], s.ls[:] = membranes, ls
-        s.ring[(int(s.clock[0]) - 1) % s.ring.shape[0]] = spiked
+        s.neurons["y"], s.neurons["ls"] = membranes, ls
+        s.ring[(int(s.clock[STEP]) - 1) % s.ring.shape[0]] = spiked
         devices, tiles = self.die.plan.hardware.devices, self.die.plan.tiles
         for point, place, now in zip(self.die.plan.crosspoints, self._order, self.weights, strict=True):
             if now != weights[point.synapse]:
-                kind = tiles[point.tile].kind
-                device = devices[kind]
-                s.state[place] = device.state_at_weight(_read_weight(device, kind, weights[point.synapse]))
-                s.g[place] = device.conductance(s.state[place])
+                tile = tiles[point.tile]
+                state = state_of_weight(
+                    devices[tile.kind], float(weights[point.synapse]), has_reference=tile.subtracts_off
+                )
+                f = self._fabric
+                place_at(f.pulses, f.cells[place], s.cells[place], f.tiles[point.tile], state)
 
     def _in_order(self, values: Any) -> Any:
         return values[self._order]
 
+    def _weights_of_cells(self) -> FloatArray:
+        values: FloatArray = (self._state.cells["g"] - self._of_tile("reference")) / self._span()
+        return values
 
-def _read_weight(device: Any, kind: str, weight: float) -> float:
-    """G/G_on of a device that is read as `weight`."""
-    ratio = float(device.conductance(0.0) / device.conductance(1.0))
-    read = ratio + weight * (1.0 - ratio) if reads_with_reference(kind) else weight
-    return min(max(read, ratio), 1.0)
+    def _span(self) -> FloatArray:
+        """Conductance between W = 0 (or no device) and W = 1, (cell,)."""
+        span: FloatArray = self._of_tile("g_on") - self._of_tile("reference")
+        return span
+
+    def _of_tile(self, name: str) -> Any:
+        return self._fabric.tiles[name][self._fabric.cells["tile"]]
+
+    def _longest_tap(self) -> int:
+        return int(self._fabric.reads["tap"].max(initial=1))
 
 
-def _fabric(die: Die, perturb: float) -> tuple[Any, IntArray]:
-    """The die as arrays, and where each synapse of the network stands in them."""
-    from ohmloom.devices._kernels import LAW_INDEX
-    from ohmloom.devices.laws import LAWS
-    from ohmloom.mapping import _kernels
-
-    plan, network, hardware = die.plan, die.plan.network, die.plan.hardware
-    r, drive, n = network.readings, hardware.drive, network.neurons
-    posts = np.array([network.synapses[c.synapse].post for c in plan.crosspoints], dtype=np.int64)
-    pres = np.array([network.synapses[c.synapse].pre for c in plan.crosspoints], dtype=np.int64)
-    tiles = np.array([c.tile for c in plan.crosspoints], dtype=np.int64)
-    rows = np.array([c.row for c in plan.crosspoints], dtype=np.int64)
-    order = np.lexsort((rows, tiles, posts))
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    cards = hardware.devices
-    devices = [cards[tile.kind] for tile in plan.tiles]
-    width = max((len(device.parameters) for device in devices), default=1)
-    parameters = np.zeros((len(devices), width))
-    for t, device in enumerate(devices):
-        values = [device.parameters[p.name] for p in LAWS[device.law].parameters]
-        parameters[t, : len(values)] = values
-    g_on = np.array([float(device.conductance(1.0)) for device in devices])
-    g_off = np.array([float(device.conductance(0.0)) for device in devices])
-    reference = np.where([tile.has_reference for tile in plan.tiles], g_off, 0.0) if devices else np.zeros(0)
-    q_d = np.array([device.charge_scale for device in devices])
-    starts = np.searchsorted(posts[order], np.arange(n + 1)).astype(np.int64)
-
-    def sorted_by_receiver(values: Any, dtype: Any) -> Any:
-        return np.array(values, dtype=dtype)[order]
-
-    fabric = _kernels.Fabric(
-        n, len(devices), starts, pres[order], posts[order], tiles[order],
-        sorted_by_receiver([c.column for c in plan.crosspoints], np.int64),
-        sorted_by_receiver([c.polarity for c in plan.crosspoints], np.float64),
-        sorted_by_receiver([c.tap for c in plan.crosspoints], np.int64),
-        die.state[order], (1.0 + perturb) * die.event_charge[order] * q_d[tiles[order]] / MEM_LIFETIME,
-        die.threshold[order], np.array([LAW_INDEX[device.law] for device in devices], dtype=np.int64), parameters,
-        q_d, reference, 1.0 / (hardware.read.voltage.value * (g_on - reference)),
-        np.array([tile.kind in PLASTIC_KINDS for tile in plan.tiles], dtype=np.bool_),
-        np.array(drive.levels),
-        _kernels.CURRENT if drive.mode == "current" else _kernels.CHARGE_METERED,
-        {"cell": _kernels.CELL, "column": _kernels.COLUMN, "array": _kernels.ARRAY}[drive.parallelism],
-        drive.pulse_voltage.value, drive.pulse_duration.value if drive.pulse_duration else 0.0,
-        hardware.read.voltage.value, hardware.read.duration.value, r.a, r.b, r.c, r.c_ini, r.y_thresh, r.synapse_gain,
-        r.stdp_threshold, r.high_count, r.input_bias, r.clamp, r.carry_state,
-    )  # fmt: skip
-    return fabric, place
+def reading_time(plan: Plan) -> float:
+    """Time to read all columns in one step [s]: one after the other through their taps, or all at once if retimed."""
+    hardware = plan.hardware
+    converter = hardware.converter
+    one = hardware.read.duration.value
+    if converter is not None and converter.duration is not None:
+        one += converter.duration.value
+    if hardware.array.delays == "retimed":
+        return one
+    return one * max((len(tile.columns) for tile in plan.tiles), default=1)

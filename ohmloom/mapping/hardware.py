@@ -13,65 +13,149 @@ from pydantic import AfterValidator, Field, model_validator
 from ohmloom._files import StrictModel, check_format, parse_toml, read_bytes, sha256, validate
 from ohmloom.devices import Device
 from ohmloom.errors import FileFormatError, UnknownNameError
-from ohmloom.mapping.quantity import NotNegative, Positive, Quantity, Zero
-from ohmloom.mapping.waveform import WAVEFORMS, check_rule
+from ohmloom.mapping.nonidealities import EFFECTS, NonIdealitySpec, check_shown
+from ohmloom.mapping.quantity import Count, NotNegative, Positive, Quantity
+from ohmloom.mapping.waveform import WAVEFORMS, Phase, Waveform, check_rule
 from ohmloom.neurocontroller import KINDS, Readings
 
 FORMAT, VERSION = "ohmloom.hardware", 1
 
 
 class ArraySpec(StrictModel):
-    """The array: how a crosspoint is selected, how large a tile may be, what an unused crosspoint is."""
+    """The array: how a crosspoint is selected, how large a tile may be, what an unused crosspoint is.
 
-    access: Literal["1T1R"]
-    disabled: Literal["unformed", "masked"]
+    ``access``: a transistor per cell (``1T1R``) or none (``passive``). ``disabled``: what stands where no synapse is:
+    never formed (``unformed``, with a rest of ``unformed_conductance`` [S]), behind a closed transistor (``masked``),
+    or a device like any other (``present``). ``signs``: the sender's sign is its row's read polarity, or a receiver has
+    two bit lines (``column_pair``), or a synapse has two devices (``differential_pair``). ``delays``: columns are read
+    one after the other through taps of the rows' shift registers, or neurons run at skewed clocks (``retimed``).
+    """
+
+    access: Literal["1T1R", "passive"]
+    disabled: Literal["unformed", "masked", "present"]
     max_rows: int = Field(ge=1)
     max_columns: int = Field(ge=1)
+    spare_rows: int = Field(default=0, ge=0)
+    spare_columns: int = Field(default=0, ge=0)
+    signs: Literal["row_polarity", "column_pair", "differential_pair"] = "row_polarity"
+    delays: Literal["column_serial", "retimed"] = "column_serial"
+    unformed_conductance: NotNegative | None = None
     source: str = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.access == "passive" and self.disabled == "masked":
+            raise ValueError(
+                "disabled 'unformed' or 'present' with access = 'passive': only a transistor can mask a cell"
+            )
+        if self.unformed_conductance is not None and self.disabled != "unformed":
+            raise ValueError("unformed_conductance with disabled = 'unformed', and only with it")
+        return self
 
 
 class WireSpec(StrictModel):
-    """Resistance per segment [ohm]; this version emulates wires without resistance and refuses others."""
+    """Resistance per segment between two crosspoints, of a driver and of a sense [ohm]; capacitance per segment [F].
 
-    r_row: Zero
-    r_column: Zero
+    ``node``: the technology node that the numbers are of, for readers.
+    """
+
+    r_row: NotNegative
+    r_column: NotNegative
+    r_driver: NotNegative | None = None
+    r_sense: NotNegative | None = None
+    c_segment: NotNegative | None = None
+    node: str | None = None
+
+    @property
+    def resistances(self) -> dict[str, float]:
+        """By the names of `Crossbar`'s parameters [ohm]."""
+        names = ("r_row", "r_column", "r_driver", "r_sense")
+        return {name: 0.0 if (q := getattr(self, name)) is None else q.value for name in names}
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether nothing drops any voltage."""
+        return not any(self.resistances.values())
+
+
+class PhaseSpec(StrictModel):
+    """One phase of a user's waveform: levels for ls = 0, 1, ... on rows and columns, length in pulses."""
+
+    row: tuple[float, ...] = Field(strict=False)
+    column: tuple[float, ...] = Field(strict=False)
+    duration: float = Field(default=1.0, gt=0.0)
 
 
 class DriveSpec(StrictModel):
-    """How an STDP event is written: charge-metered voltage pulses, or current pulses of a fixed width.
+    """How an STDP event is written.
 
-    ``parallelism``: one ``cell`` at a time, one cell per ``column`` at a time, or the whole ``array`` (all positive
-    events, then all negative ones).
+    ``mode``: ``charge_metered`` (a voltage pulse that ends when its charge has passed), ``current`` (a current pulse),
+    ``voltage`` (fixed voltage and duration), ``exact_width`` (fixed voltage; the duration that a device of its last known
+    state needs). ``waveform``: a name of `WAVEFORMS`, or ``user`` with ``levels`` (the same on rows and columns) or
+    ``phases``. ``parallelism``: one ``cell`` at a time, one cell per ``column`` at a time, or the whole ``array``.
+    ``pulse_duration`` [s]: for current pulses; for fixed voltages, without it, each kind gets the duration that is right
+    at W = 0.5. ``pulse_shape`` with ``edge`` [s]: the time of an edge, or the time constant of an RC-limited one;
+    ``slot`` [s]: when the next pulse begins, so that a tail is cut. ``pulse_voltage``: what an event puts on a device [V].
+    ``compliance_current`` [A], ``compliance_voltage`` [V]: what driver and cell stand; a plan that exceeds them is refused.
     """
 
-    mode: Literal["charge_metered", "current"]
-    waveform: Literal["half", "two_part"]
+    mode: Literal["charge_metered", "current", "voltage", "exact_width"]
+    waveform: Literal["half", "two_part", "two_slot", "pwm", "user"]
     parallelism: Literal["cell", "column", "array"]
     source: str = Field(min_length=1)
     pulse_voltage: Positive
     threshold: Positive
+    levels: tuple[float, ...] | None = Field(default=None, strict=False)
+    phases: tuple[PhaseSpec, ...] | None = Field(default=None, strict=False)
     pulse_duration: Positive | None = None
+    pulse_shape: Literal["rectangular", "trapezoid", "rc"] = "rectangular"
+    edge: Positive | None = None
+    slot: Positive | None = None
+    compliance_current: Positive | None = None
+    compliance_voltage: Positive | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if (self.mode == "current") != (self.pulse_duration is not None):
-            raise ValueError("pulse_duration with mode = 'current', and only with it")
-        if self.mode == "charge_metered" and self.parallelism == "array":
-            raise ValueError("parallelism 'cell' or 'column' with mode = 'charge_metered': one meter a column")
+        if self.mode == "current" and self.pulse_duration is None:
+            raise ValueError("pulse_duration with mode = 'current'")
+        if self.mode in ("charge_metered", "exact_width"):
+            if self.pulse_duration is not None:
+                raise ValueError(f"no pulse_duration with mode = {self.mode!r}: a pulse is as long as its charge takes")
+            if self.parallelism == "array":
+                raise ValueError(f"parallelism 'cell' or 'column' with mode = {self.mode!r}: one pulse width a column")
+        if (self.levels is not None) + (self.phases is not None) != (self.waveform == "user"):
+            raise ValueError("either levels or phases with waveform = 'user', and only with it")
+        if (self.pulse_shape != "rectangular") != (self.edge is not None):
+            raise ValueError("edge with pulse_shape = 'trapezoid' or 'rc', and only with these")
+        if self.pulse_shape != "rectangular" and self.mode == "charge_metered":
+            raise ValueError(
+                "pulse_shape 'rectangular' with mode = 'charge_metered': a meter counts the edges' charge too"
+            )
+        if self.slot is not None and (self.pulse_duration is None or self.pulse_shape == "rectangular"):
+            raise ValueError("slot with pulse_duration and a pulse_shape that has edges")
         for voltage in self.pulse_voltage.extremes:
             # Unlike the check against a network's own readings, this one holds for the paper's rule.
-            check_rule(self.levels_at(voltage), self.threshold.value, Readings())
+            check_rule(self.waveform_at(voltage), self.threshold.value, Readings())
         return self
 
     @property
-    def levels(self) -> tuple[float, ...]:
-        """Voltage of a line for ls = 0, 1, 2, 3 [V]."""
-        return self.levels_at(self.pulse_voltage.value)
+    def shape(self) -> Waveform:
+        """The waveform in its own unit."""
+        if self.levels is not None:
+            return Waveform.of_levels(self.levels)
+        if self.phases is not None:
+            return Waveform(phases=tuple(Phase(row=p.row, column=p.column, duration=p.duration) for p in self.phases))
+        return WAVEFORMS[self.waveform]
 
-    def levels_at(self, pulse_voltage: float) -> tuple[float, ...]:
+    @property
+    def volts(self) -> Waveform:
+        """The waveform in V."""
+        return self.waveform_at(self.pulse_voltage.value)
+
+    def waveform_at(self, pulse_voltage: float) -> Waveform:
         """The same for another pulse voltage [V]."""
-        waveform = WAVEFORMS[self.waveform]
-        return tuple(level * pulse_voltage / waveform.event for level in waveform.levels)
+        shape = self.shape
+        return shape.scaled(pulse_voltage / shape.event)
 
 
 class ReadSpec(StrictModel):
@@ -82,21 +166,52 @@ class ReadSpec(StrictModel):
 
 
 class NeuronSpec(StrictModel):
-    """Energy of one spike [J]."""
+    """Energy of one spike [J], area of one neuron [m2]."""
 
     energy_per_spike: NotNegative
+    area: NotNegative | None = None
 
 
-class SpreadSpec(StrictModel):
-    """Standard deviations, each relative.
+class ConverterSpec(StrictModel):
+    """A converter behind each column: bits, energy [J] and duration [s] of a conversion, area [m2]."""
 
-    write_verify: of the initial conductance, as a fraction of G_on; event_charge: of a device's charge per event;
-    threshold: of a device's threshold voltage.
+    bits: Count | None = None
+    energy: NotNegative | None = None
+    duration: NotNegative | None = None
+    area: NotNegative | None = None
+
+
+class PeripherySpec(StrictModel):
+    """What stands around the cells, each optional: what is left out is named as not counted.
+
+    ``feature`` [m] and ``cell_area`` [feature squares]; area [m2] of a row or column driver, of a sense, of a charge meter,
+    of one bit of shift register; energy [J] of driving one line for one pulse or read, of one sense for one read, of one
+    metered pulse, of shifting one bit.
     """
 
-    write_verify: NotNegative
-    event_charge: NotNegative
-    threshold: NotNegative
+    feature: Positive | None = None
+    cell_area: Positive | None = None
+    driver_area: NotNegative | None = None
+    driver_energy: NotNegative | None = None
+    sense_area: NotNegative | None = None
+    sense_energy: NotNegative | None = None
+    meter_area: NotNegative | None = None
+    meter_energy: NotNegative | None = None
+    register_area: NotNegative | None = None
+    register_energy: NotNegative | None = None
+
+
+class EnvironmentSpec(StrictModel):
+    """Temperature of the array and of the device cards [K]; activation energies [eV] (Arrhenius).
+
+    ``retention_activation`` scales the time constant of ``nonidealities.retention``; ``drift_activation`` scales what a
+    pulse of fixed voltage moves.
+    """
+
+    temperature: Positive
+    card_temperature: Positive
+    retention_activation: NotNegative | None = None
+    drift_activation: NotNegative | None = None
 
 
 class EnduranceSpec(StrictModel):
@@ -108,6 +223,9 @@ class EnduranceSpec(StrictModel):
 class LimitSpec(StrictModel):
     """Limits of the figures, each with its source; a figure without a limit here is ASSUMED at best."""
 
+    read_error: Positive | None = None
+    program_drop: Positive | None = None
+    wake_up: Positive | None = None
     programming_power: Positive | None = None
     useful_event_range: Positive | None = None
     endurance: Positive | None = None
@@ -134,16 +252,40 @@ class _HardwareFile(StrictModel):
     drive: DriveSpec
     read: ReadSpec
     neuron: NeuronSpec
-    spread: SpreadSpec
+    nonidealities: NonIdealitySpec = NonIdealitySpec()
     endurance: EnduranceSpec
+    converter: ConverterSpec | None = None
+    periphery: PeripherySpec | None = None
+    environment: EnvironmentSpec | None = None
     limits: LimitSpec = LimitSpec()
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if max(self.read.voltage.extremes) >= self.drive.threshold.value:
-            highest, threshold = max(self.read.voltage.extremes), self.drive.threshold.value
+        drive, array = self.drive, self.array
+        if max(self.read.voltage.extremes) >= drive.threshold.value:
+            highest, threshold = max(self.read.voltage.extremes), drive.threshold.value
             raise ValueError(f"read.voltage: expected less than drive.threshold = {threshold:g} V over its range, "
                              f"got {highest:g} V. A read must not write; lower it.")  # fmt: skip
+        if array.access == "passive":
+            if drive.mode != "voltage":
+                raise ValueError(f"drive.mode: expected 'voltage' on a passive array, got {drive.mode!r}. Current and meters "
+                                 "need one selected cell: through sneak paths most of the charge goes elsewhere. "
+                                 "Use array.access = '1T1R'.")  # fmt: skip
+            if drive.parallelism != "array":
+                raise ValueError(f"drive.parallelism: expected 'array' on a passive array, got {drive.parallelism!r}. "
+                                 "Without transistors all lines are driven at once.")  # fmt: skip
+        if drive.mode == "current" and drive.parallelism == "array" and not self.wires.is_ideal:
+            raise ValueError("drive.parallelism: expected 'cell' or 'column' for current pulses through wires, got 'array'. "
+                             "Cells that share a line cannot each have their own current.")  # fmt: skip
+        environment = self.environment
+        if environment is not None:
+            if environment.retention_activation is not None and self.nonidealities.retention is None:
+                raise ValueError("environment.retention_activation: expected nonidealities.retention beside it, got none. "
+                                 "Add it.")  # fmt: skip
+            if environment.drift_activation is not None and drive.mode not in ("voltage", "exact_width"):
+                raise ValueError("environment.drift_activation: expected drive.mode 'voltage' or 'exact_width' beside it, got "
+                                 f"{drive.mode!r}: where the charge is given, drift changes nothing. Leave it out.")  # fmt: skip
+        check_shown(self)
         return self
 
 
@@ -230,6 +372,16 @@ class Hardware(_HardwareFile):
                         found[f"{section}.{name}"] = value
         return found
 
+    def assumptions(self) -> list[str]:
+        """What nobody but the spec's author stands behind, a line each."""
+        from ohmloom.units import format_quantity
+
+        return [
+            f"{name} = {format_quantity(q.value, UNITS[name])}, {q.source.removeprefix('assumed').lstrip(': ')}"
+            for name, q in self.quantities().items()
+            if q.is_assumed
+        ]
+
     def _repr_html_(self) -> str:
         from html import escape
 
@@ -241,8 +393,17 @@ class Hardware(_HardwareFile):
 
 
 UNITS = {
-    "wires.r_row": "Ohm", "wires.r_column": "Ohm", "drive.pulse_voltage": "V", "drive.threshold": "V",
-    "drive.pulse_duration": "s", "read.voltage": "V", "read.duration": "s", "neuron.energy_per_spike": "J",
-    "spread.write_verify": "1", "spread.event_charge": "1", "spread.threshold": "1", "endurance.pulses": "1",
-    "limits.programming_power": "W", "limits.useful_event_range": "events", "limits.endurance": "trials",
+    "array.unformed_conductance": "S", "wires.r_row": "Ohm", "wires.r_column": "Ohm", "wires.r_driver": "Ohm",
+    "wires.r_sense": "Ohm", "wires.c_segment": "F", "drive.pulse_voltage": "V", "drive.threshold": "V",
+    "drive.pulse_duration": "s", "drive.edge": "s", "drive.slot": "s", "drive.compliance_current": "A",
+    "drive.compliance_voltage": "V", "read.voltage": "V", "read.duration": "s", "neuron.energy_per_spike": "J",
+    "neuron.area": "m2", "converter.bits": "bit", "converter.energy": "J", "converter.duration": "s",
+    "converter.area": "m2", "periphery.feature": "m", "periphery.cell_area": "F2", "periphery.driver_area": "m2",
+    "periphery.driver_energy": "J", "periphery.sense_area": "m2", "periphery.sense_energy": "J",
+    "periphery.meter_area": "m2", "periphery.meter_energy": "J", "periphery.register_area": "m2",
+    "periphery.register_energy": "J", "environment.temperature": "K", "environment.card_temperature": "K",
+    "environment.retention_activation": "eV", "environment.drift_activation": "eV", "endurance.pulses": "1",
+    "limits.read_error": "1", "limits.program_drop": "1", "limits.wake_up": "1", "limits.programming_power": "W",
+    "limits.useful_event_range": "events", "limits.endurance": "trials",
+    **{f"nonidealities.{effect.name}": effect.unit for effect in EFFECTS.values()},
 }  # fmt: skip

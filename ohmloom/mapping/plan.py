@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from ohmloom import __version__
 from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, validate, write_atomic
-from ohmloom.devices import Device
-from ohmloom.errors import FileFormatError, MappingError, expect_type
+from ohmloom.errors import FileFormatError, MappingError, shown
 from ohmloom.mapping.hardware import Hardware
-from ohmloom.mapping.waveform import check_rule
-from ohmloom.neurocontroller import KINDS, Network
+from ohmloom.neurocontroller import Network
 
 FORMAT, VERSION = "ohmloom.plan", 1
-WEIGHT_TOLERANCE = 1e-9  # rounding of G_off/G_on against a weight of exactly that size
 
 
 class _PlanFile(StrictModel):
@@ -32,6 +28,35 @@ class _PlanFile(StrictModel):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ReadErrors:
+    """Worst read error of a tile, as a fraction of the read voltage: all rows driven, every plastic device at G_on.
+
+    Attributes
+    ----------
+    given, sorted, refined
+        With the lines in ascending order, after sorting them by current, and after swaps, all without spare lines.
+    built
+        With the last order and the spare lines, whose wires all currents pass.
+    swaps
+        How many swaps were made.
+    limit
+        What the size of the tile was chosen for; `built` is above it only where no size helps.
+    """
+
+    given: float
+    sorted: float
+    refined: float
+    built: float
+    swaps: int
+    limit: float
+
+    @property
+    def gain(self) -> float:
+        """Part of the error that the order of the lines takes away."""
+        return 1.0 - self.refined / self.given if self.given > 0.0 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Tile:
     """One array of devices of one kind.
 
@@ -40,9 +65,18 @@ class Tile:
     kind, card
         Kind of synapse and the device card that builds it.
     rows, columns
-        Sending neuron on each word line, receiving neuron on each bit line, both ascending.
+        Sending neuron on each word line, from the one farthest from the senses; receiving neuron on each bit line, from
+        the one nearest to the drivers.
     has_reference
-        Whether a column of devices at G_off is subtracted, so that W = 0 can be read.
+        Whether a column of devices at G_off, after the last bit line, is subtracted, so that W = 0 can be read.
+    column_signs
+        What each bit line counts as: 1, or -1 for the negative line of a pair.
+    spare_rows, spare_columns
+        Further lines without a neuron, for repair: after the last row, and between the last column and the reference.
+    is_differential
+        Whether each synapse has a second device at G_off, on the line of the same receiver with the other sign.
+    read_error
+        Of the lines in this order; None in a tile made by hand.
     """
 
     kind: str
@@ -50,6 +84,25 @@ class Tile:
     rows: tuple[int, ...]
     columns: tuple[int, ...]
     has_reference: bool
+    column_signs: tuple[int, ...] = ()
+    spare_rows: int = 0
+    spare_columns: int = 0
+    is_differential: bool = False
+    read_error: ReadErrors | None = None
+
+    def __post_init__(self) -> None:
+        if not self.column_signs:
+            object.__setattr__(self, "column_signs", (1,) * len(self.columns))
+
+    @property
+    def subtracts_off(self) -> bool:
+        """Whether G_off is subtracted, so that ``W = (G - G_off)/(G_on - G_off)``; else ``W = G/G_on``."""
+        return self.has_reference or self.is_differential
+
+    @property
+    def name(self) -> str:
+        """Kind and size, for people."""
+        return f"{self.kind} {len(self.rows)} x {len(self.columns)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +114,7 @@ class Crosspoint:
     synapse, tile, row, column
         Index of the synapse in the network, of the tile, of the word line and of the bit line.
     polarity
-        Sign of the row's read voltage: -1 for an inhibitory sender.
+        Sign of the row's read voltage times that of its bit line: -1 for an inhibitory sender.
     tap
         Shift-register tap of the row while this column is read, in steps (eq. 5).
     state, conductance
@@ -109,7 +162,8 @@ class Plan:
                 "synapse": point.synapse, "kind": tile.kind, "card": tile.card, "tile": point.tile,
                 "row": point.row, "column": point.column, "pre": synapse.pre, "post": synapse.post,
                 "sender": labels[synapse.pre], "receiver": labels[synapse.post],
-                "read_polarity": point.polarity, "tap_steps": point.tap, "weight": synapse.weight,
+                "read_polarity": point.polarity, "column_sign": tile.column_signs[point.column],
+                "tap_steps": point.tap, "weight": synapse.weight,
                 "state": point.state, "conductance_S": point.conductance,
             })  # fmt: skip
         return rows
@@ -129,18 +183,28 @@ class Plan:
 
     @classmethod
     def load(cls, path: Path | str) -> Plan:
-        """Read what `save` wrote; the placement is made again and must be the same.
+        """Read what `save` wrote; the lines are taken from the file, all else must follow from them.
 
         Raises
         ------
         FileFormatError
             If the file is not a plan, or its tiles disagree with its network and hardware.
         """
+        from ohmloom.mapping.placing import check_tiles, crosspoints
+
         data, where = read_bytes(path, "plan"), str(path)
         table = check_format(parse_json(data, where), where, FORMAT, VERSION)
         validate(_PlanFile, table, where)
         network = Network.from_json(json.dumps(table["network"]).encode(), f"{where}: network")
-        plan = place(network, Hardware._from_table(table["hardware"], f"{where}: hardware"))
+        hardware = Hardware._from_table(table["hardware"], f"{where}: hardware")
+        try:
+            tiles = tuple(_tile(entry) for entry in table["tiles"])
+            check_tiles(network, hardware, tiles)
+            points = crosspoints(network, hardware, tiles)
+        except (MappingError, TypeError, KeyError, ValueError, AttributeError) as error:
+            raise FileFormatError(f"{where}: tiles: expected those that carry this network, got a mistake: "
+                                  f"{shown(str(error), 200)}. Make the plan again.") from error  # fmt: skip
+        plan = cls(network=network, hardware=hardware, tiles=tiles, crosspoints=points)
         again = json.loads(plan.to_json())
         for key in ("hardware_sha256", "tiles", "crosspoints"):
             if again[key] != table[key]:
@@ -155,102 +219,7 @@ class Plan:
         return f"<table><tr><th>kind</th><th>card</th><th>rows x columns</th></tr>{rows}</table>"
 
 
-def place(network: Network, hardware: Hardware) -> Plan:
-    """Place every synapse of `network` on a device of its kind.
-
-    Rows are senders and columns receivers, both in ascending order; one tile a kind; the sender's sign is the read
-    polarity of its row; lateral delays are taps of the row's shift register while the column is read.
-
-    Raises
-    ------
-    MappingError
-        Names the kind without a card, the synapse that its device cannot hold, the tile that does not fit, or the
-        reading that this hardware cannot follow.
-    ParameterError
-        If `network` or `hardware` is of another type.
-    """
-    expect_type("place.network", network, Network)
-    expect_type("place.hardware", hardware, Hardware)
-    _check_readings(network, hardware)
-    _check_kinds(network, hardware)
-    kinds = [kind for kind in KINDS if any(s.kind == kind for s in network.synapses)]
-    tiles = tuple(_tile(network, hardware, kind) for kind in kinds)
-    devices = hardware.devices
-    crosspoints = []
-    for k, synapse in enumerate(network.synapses):
-        index = kinds.index(synapse.kind)
-        tile, device = tiles[index], devices[synapse.kind]
-        state = _initial_state(network, device, k)
-        point = Crosspoint(
-            synapse=k, tile=index, row=tile.rows.index(synapse.pre), column=tile.columns.index(synapse.post),
-            polarity=int(network.sign(synapse.pre)), tap=network.delay(synapse), state=state,
-            conductance=float(device.conductance(state)),
-        )  # fmt: skip
-        crosspoints.append(point)
-    return Plan(network=network, hardware=hardware, tiles=tiles, crosspoints=tuple(crosspoints))
-
-
-def reads_with_reference(kind: str) -> bool:
-    """Linear and constant kinds have W = (G - G_off)/(G_on - G_off); the memristive ones W = G/G_on."""
-    return kind in ("linear", "constant")
-
-
-def _check_readings(network: Network, hardware: Hardware) -> None:
-    readings = network.readings
-    if readings.weight_at != "arrival":
-        raise MappingError(f"{network.name}: readings.weight_at: expected 'arrival', got {readings.weight_at!r}. "
-                           "A column is read when the spike arrives; evolve with weight_at = 'arrival'.")  # fmt: skip
-    if any(s.kind != "constant" for s in network.synapses):
-        check_rule(hardware.drive.levels, hardware.drive.threshold.value, readings)
-
-
-def _check_kinds(network: Network, hardware: Hardware) -> None:
-    problems = []
-    for kind in KINDS:
-        users = [k for k, s in enumerate(network.synapses) if s.kind == kind]
-        if users and kind not in hardware.cards:
-            synapse = network.synapses[users[0]]
-            problems.append(
-                f"{hardware.name}: cards.{kind}: expected a device card, got none, but {len(users)} synapses of "
-                f"{network.name} need one, first synapses[{users[0]}] ({synapse.pre} -> {synapse.post}). "
-                f"Add a card for {kind}, or use a spec that has one."
-            )
-    if problems:
-        raise MappingError(*problems)
-
-
-def _tile(network: Network, hardware: Hardware, kind: str) -> Tile:
-    members = [s for s in network.synapses if s.kind == kind]
-    rows, columns = sorted({s.pre for s in members}), sorted({s.post for s in members})
-    has_reference = reads_with_reference(kind)
-    for name, lines, limit in (
-        ("max_rows", rows, hardware.array.max_rows),
-        ("max_columns", [*columns, *([-1] if has_reference else [])], hardware.array.max_columns),
-    ):
-        if len(lines) > limit:
-            of_kind = (k for k, s in enumerate(network.synapses) if s.kind == kind)
-            first_out = next(k for k in of_kind if _is_beyond(network.synapses[k], lines, limit, name))
-            raise MappingError(f"{hardware.name}: array.{name}: expected at least {len(lines)} for the {kind} tile of "
-                               f"{network.name}, got {limit}; synapses[{first_out}] is the first without a line. "
-                               "Enlarge the array.")  # fmt: skip
-    return Tile(
-        kind=kind, card=hardware.cards[kind], rows=tuple(rows), columns=tuple(columns), has_reference=has_reference
-    )
-
-
-def _is_beyond(synapse: Any, lines: Sequence[int], limit: int, name: str) -> bool:
-    neuron = synapse.pre if name == "max_rows" else synapse.post
-    # The reference column comes last, so it is the last receiver that has to make room for it.
-    return lines.index(neuron) >= limit - (1 if lines[-1] == -1 else 0)
-
-
-def _initial_state(network: Network, device: Device, k: int) -> float:
-    synapse = network.synapses[k]
-    g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
-    wanted = synapse.weight * (g_on - g_off) + g_off if reads_with_reference(synapse.kind) else synapse.weight * g_on
-    if wanted < g_off * (1.0 - WEIGHT_TOLERANCE):
-        raise MappingError(
-            f"{network.name}: synapses[{k}].weight: expected at least G_off/G_on = {g_off / g_on:g} of the card "
-            f"{device.name!r}, got {synapse.weight}. Use a card with a larger ratio."
-        )
-    return float(device.state_at_weight(min(max(wanted / g_on, g_off / g_on), 1.0)))
+def _tile(entry: dict[str, Any]) -> Tile:
+    error = entry.get("read_error")
+    lists = {name: tuple(int(x) for x in entry[name]) for name in ("rows", "columns", "column_signs")}
+    return Tile(**{**entry, **lists, "read_error": None if error is None else ReadErrors(**error)})

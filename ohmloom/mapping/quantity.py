@@ -59,12 +59,19 @@ def _not_negative(quantity: Quantity) -> Quantity:
     return quantity
 
 
-def _zero(quantity: Quantity) -> Quantity:
-    if quantity.value != 0.0:
-        raise ValueError(f"0 Ohm, since this version emulates wires without resistance, not {quantity.value:g}")
+def _fraction(quantity: Quantity) -> Quantity:
+    if not all(0.0 <= v <= 1.0 for v in (quantity.value, *(quantity.range or ()))):
+        raise ValueError(f"a value and range in [0, 1], not {quantity.value:g}")
+    return quantity
+
+
+def _count(quantity: Quantity) -> Quantity:
+    if not all(v >= 1.0 and v == int(v) and v <= 32 for v in (quantity.value, *(quantity.range or ()))):
+        raise ValueError(f"a whole number from 1 to 32, not {quantity.value:g}")
     return quantity
 
 
 Positive = Annotated[Quantity, AfterValidator(_positive)]
 NotNegative = Annotated[Quantity, AfterValidator(_not_negative)]
-Zero = Annotated[Quantity, AfterValidator(_zero)]
+Fraction = Annotated[Quantity, AfterValidator(_fraction)]
+Count = Annotated[Quantity, AfterValidator(_count)]

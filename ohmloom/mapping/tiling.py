@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, frozen_array
 from ohmloom.errors import MappingError, ParameterError, expect_integer, expect_number
-from ohmloom.mapping.placement import LineOrder, Wires, order_lines
+from ohmloom.mapping.placement import MOST_SWEEPS, LineOrder, Wires, order_lines, worst_read_error
 
 # Worst over mean of the separable sum below, from exact solutions of 15 x 11 arrays .
 WORST_OVER_MEAN: Final = 1.45
@@ -28,12 +28,15 @@ class Block:
     rows, columns
         Indices into the demand, in physical order.
     order
-        How its lines were ordered, and its worst read error.
+        How its lines were ordered, and its worst read error without spare lines.
+    read_error
+        Worst read error with the spare lines, whose wires all currents pass.
     """
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
     order: LineOrder
+    read_error: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +61,7 @@ class Tiling:
     @property
     def worst(self) -> float:
         """Largest worst read error of a tile; 0 without tiles."""
-        return max((block.order.refined for block in self.blocks), default=0.0)
+        return max((block.read_error for block in self.blocks), default=0.0)
 
 
 def estimated_error(rows: float, columns: float, *, conductance: float, density: float, wires: Wires) -> float:
@@ -111,6 +114,8 @@ def split_demand(
     limit: float = np.inf,
     wires: Wires | None = None,
     reference: float | None = None,
+    spare: tuple[int, int] = (0, 0),
+    sweeps: int = MOST_SWEEPS,
     activity: npt.ArrayLike | None = None,
     name: Callable[[int, int], str] | None = None,
 ) -> Tiling:
@@ -126,13 +131,17 @@ def split_demand(
     conductance
         S, axes (row, column), 0 where no device stands: those at which the limit shall hold.
     max_rows, max_columns
-        Lines that an array can have; the reference column counts.
+        Lines that an array can have; spare lines and the reference column count.
     limit
         Largest worst read error of a tile.
     wires
         What lies between drivers and senses; nothing by default.
     reference
         Conductance of a device of the reference column [S]; None if tiles have none.
+    spare
+        Spare rows and columns of each tile, after its last row, and between its last column and the reference.
+    sweeps
+        Swaps of lines at most, in each tile; 0 only sorts them.
     activity
         How often each row spikes, axes (row,); enters the sorting of lines.
     name
@@ -143,7 +152,8 @@ def split_demand(
     ParameterError
         If one of these breaks its rule.
     MappingError
-        If an array has no room for a receiver beside the reference column; names the first crosspoint without a line.
+        If an array has no room for a line beside the spare ones and the reference column; names the first crosspoint
+        without a line.
     """
     g = frozen_array("split_demand.conductance", conductance, ("row", "column"))
     spiking = frozen_array(
@@ -153,43 +163,60 @@ def split_demand(
     max_columns = expect_integer("split_demand.max_columns", max_columns, 1)
     if limit != np.inf and not expect_number("split_demand.limit", limit, "a share > 0") > 0.0:
         raise ParameterError(f"split_demand.limit: expected a share > 0, got {limit:g}. Correct it.")
-    lines = Wires() if wires is None else wires
     places = np.argwhere(g > 0.0)
     if not len(places):
         return Tiling(blocks=(), limit=limit, is_within=True)
-    room = max_columns - (reference is not None)
-    if room < 1:
-        i, j = map(int, places[0])
-        first = f"crosspoint ({i}, {j})" if name is None else name(i, j)
-        raise MappingError(f"split_demand.max_columns: expected at least 2, for a receiver and the reference column, "
-                           f"got {max_columns}; {first} is the first without a line. Enlarge the array.")  # fmt: skip
+    first = (int(places[0, 0]), int(places[0, 1]))
+    first_name = f"crosspoint {first}" if name is None else name(*first)
+    extra = (spare[0], spare[1] + (reference is not None))
+    for axis, most, others in ((0, max_rows, "spare rows"), (1, max_columns, "spare columns and the reference column")):
+        if most - extra[axis] < 1:
+            raise MappingError(f"split_demand.max_{'columns' if axis else 'rows'}: expected at least "
+                               f"{extra[axis] + 1}, for a line beside the {others}, got {most}; {first_name} is the "
+                               "first without a line. Enlarge the array.")  # fmt: skip
+    made = _Array(
+        wires=Wires() if wires is None else wires, reference=reference, spare=spare, sweeps=sweeps, activity=spiking
+    )
     i, j = divmod(int(g.argmax()), g.shape[1])
-    alone = _block(g, np.array([i]), np.array([j]), lines, reference, spiking)
+    alone = _block(g, np.array([i]), np.array([j]), made)
     assert alone is not None
     # What breaks the limit alone breaks it in every tile, and more tiles would only cost more.
-    is_within = alone.order.refined <= limit
+    is_within = alone.read_error <= limit
     asked = limit if is_within else np.inf
-    for groups in _cuts(g, max_rows, room, asked, lines, reference):
-        blocks = _blocks(g, groups, asked, lines, reference, spiking)
+    for groups in _cuts(g, max_rows - extra[0], max_columns - extra[1], asked, made):
+        blocks = _blocks(g, groups, asked, made)
         if blocks is not None:
             return Tiling(blocks=blocks, limit=limit, is_within=is_within)
     raise AssertionError("the cut into single crosspoints comes last and passes")
 
 
-def _cuts(
-    g: FloatArray, max_rows: int, room: int, limit: float, wires: Wires, reference: float | None
-) -> Iterator[tuple[int, int]]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Array:
+    """What every tile has beside its devices."""
+
+    wires: Wires
+    reference: float | None
+    spare: tuple[int, int]
+    sweeps: int
+    activity: FloatArray
+
+    @property
+    def extra(self) -> tuple[int, int]:
+        """Rows and columns that carry no neuron."""
+        return self.spare[0], self.spare[1] + (self.reference is not None)
+
+
+def _cuts(g: FloatArray, rows: int, columns: int, limit: float, made: _Array) -> Iterator[tuple[int, int]]:
     """Numbers of groups of rows and of columns, fewest tiles first, without those whose estimate is far off."""
     m, n = g.shape
-    extra = 0 if reference is None else 1
     mean = float(g[g > 0.0].mean())
     density = float((g > 0.0).mean())
 
     def entry(a: int, b: int) -> tuple[int, float, int, int]:
-        estimate = estimated_error(-(-m // a), -(-n // b) + extra, conductance=mean, density=density, wires=wires)
-        return a * b, estimate, a, b
+        size = (-(-m // a) + made.extra[0], -(-n // b) + made.extra[1])
+        return a * b, estimated_error(*size, conductance=mean, density=density, wires=made.wires), a, b
 
-    fewest = (-(-m // max_rows), -(-n // room))
+    fewest = (-(-m // rows), -(-n // columns))
     queue, seen = [entry(*fewest)], {fewest}
     while queue:
         _, estimate, a, b = heapq.heappop(queue)
@@ -201,45 +228,39 @@ def _cuts(
                 heapq.heappush(queue, entry(*following))
 
 
-def _blocks(
-    g: FloatArray,
-    groups: tuple[int, int],
-    limit: float,
-    wires: Wires,
-    reference: float | None,
-    activity: FloatArray,
-) -> tuple[Block, ...] | None:
+def _blocks(g: FloatArray, groups: tuple[int, int], limit: float, made: _Array) -> tuple[Block, ...] | None:
     """The tiles of one cut, or None if one of them breaks the limit."""
     found = []
     for rows in np.array_split(np.arange(g.shape[0]), groups[0]):
         for columns in np.array_split(np.arange(g.shape[1]), groups[1]):
-            block = _block(g, rows, columns, wires, reference, activity)
+            block = _block(g, rows, columns, made)
             if block is None:
                 continue
-            if block.order.refined > limit:
+            if block.read_error > limit:
                 return None
             found.append(block)
     return tuple(found)
 
 
-def _block(
-    g: FloatArray,
-    rows: npt.NDArray[np.int64],
-    columns: npt.NDArray[np.int64],
-    wires: Wires,
-    reference: float | None,
-    activity: FloatArray,
-) -> Block | None:
+def _block(g: FloatArray, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64], made: _Array) -> Block | None:
     part = g[np.ix_(rows, columns)]
     rows, columns = rows[(part > 0.0).any(axis=1)], columns[(part > 0.0).any(axis=0)]
     if not len(rows):
         return None
     array = g[np.ix_(rows, columns)]
-    if reference is not None:
-        array = np.column_stack([array, np.full(len(rows), reference)])
-    order = order_lines(array, wires, activity=activity[rows], fixed_columns=int(reference is not None))
+    n = len(columns)
+    if made.reference is not None:
+        array = np.column_stack([array, np.full(len(rows), made.reference)])
+    order = order_lines(
+        array, made.wires, activity=made.activity[rows], fixed_columns=int(made.reference is not None),
+        sweeps=made.sweeps,
+    )  # fmt: skip
+    error = order.refined
+    if any(made.spare) and not made.wires.is_ideal:
+        ordered = array[np.ix_(order.rows, order.columns)]
+        padded = np.insert(ordered, [n] * made.spare[1], 0.0, axis=1)
+        error = worst_read_error(np.pad(padded, ((0, made.spare[0]), (0, 0))), made.wires)
     return Block(
         rows=tuple(int(k) for k in rows[order.rows]),
-        columns=tuple(int(columns[k]) for k in order.columns if k < len(columns)),
-        order=order,
-    )
+        columns=tuple(int(columns[k]) for k in order.columns if k < n), order=order, read_error=error,
+    )  # fmt: skip

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,10 @@ from ohmloom._arrays import FloatArray, IntArray
 from ohmloom.errors import ParameterError, expect_type, shown
 from ohmloom.neurocontroller.network import Network
 from ohmloom.neurocontroller.rules import INPUTS
+
+if TYPE_CHECKING:
+    from ohmloom.devices import Device
+    from ohmloom.neurocontroller.device_levels import DeviceEvents
 
 ACTIONS = ("forward", "left", "right")
 
@@ -24,14 +28,23 @@ class SpikingController:
     network
         What to run, with its own readings.
     plasticity
-        ``charge``: one STDP event moves the charge by q_max / 1000 (eq. 12).
+        ``charge``: one STDP event moves the charge by q_max / 1000 (eq. 12). ``flux``: it is a pulse of fixed voltage
+        and width, which moves the flux by `event_flux`, and the charge by what the device then takes.
+    cards
+        Kind of synapse -> `Device`, one for each plastic kind of the network; others are left aside, as constant
+        synapses have the network's weights. None: with ``charge`` the paper's integer lattice, with ``flux`` its
+        normalised cards (``hp_tio2_paper``, ``peo_pani_paper``, ``linear_paper``).
+    event_flux
+        Kind of synapse -> flux of one event in Wb, > 0, for ``flux``. Default: q_d / 1000 / G at W = 0.5, a pulse that
+        is right at the start.
     implementation
         ``compiled``, or ``plain``, which reads like the paper and is equal spike for spike.
 
     Raises
     ------
     ParameterError
-        For another plasticity or implementation.
+        For another plasticity or implementation; a missing card, or one that cannot hold W = 0.5; with ``flux``, a law
+        that has no flux or an event so small that 200000 do not cross the range.
 
     Examples
     --------
@@ -47,19 +60,27 @@ class SpikingController:
         self,
         network: Network,
         *,
-        plasticity: Literal["charge"] = "charge",
+        plasticity: Literal["charge", "flux"] = "charge",
+        cards: Mapping[str, Device] | None = None,
+        event_flux: Mapping[str, float] | None = None,
         implementation: Literal["compiled", "plain"] = "compiled",
     ) -> None:
         expect_type("SpikingController.network", network, Network)
-        if plasticity != "charge":
-            raise ParameterError(f"SpikingController.plasticity: expected 'charge', got {shown(plasticity)}. "
-                                 "Fixed-voltage plasticity is not in this version.")  # fmt: skip
+        if not isinstance(plasticity, str) or plasticity not in ("charge", "flux"):
+            raise ParameterError(f"SpikingController.plasticity: expected 'charge' or 'flux', got {shown(plasticity)}. "
+                                 "Use one of these.")  # fmt: skip
         if not isinstance(implementation, str) or implementation not in ("compiled", "plain"):
             raise ParameterError(f"SpikingController.implementation: expected 'compiled' or 'plain', "
                                  f"got {shown(implementation)}. Use one of these.")  # fmt: skip
+        events = None
+        if plasticity == "flux" or cards is not None or event_flux is not None:
+            from ohmloom.neurocontroller.device_levels import events_of
+
+            events = events_of(network, plasticity, cards, event_flux)
         self.network = network
+        self.plasticity = plasticity
         self.implementation = implementation
-        self._run = _Compiled(network) if implementation == "compiled" else _Plain(network)
+        self._run = _Compiled(network, events) if implementation == "compiled" else _Plain(network, events)
 
     def reset(self) -> None:
         """Back to the start of a trial: membranes, travelling spikes and weights."""
@@ -137,11 +158,11 @@ def checked_sensors(where: str, sensors: Any) -> FloatArray:
 
 
 class _Compiled:
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, events: Mapping[str, DeviceEvents] | None) -> None:
         from ohmloom.neurocontroller import _kernels, wiring
 
         self._kernels, self._network, self._values = _kernels, network, wiring.synapse_values
-        self._wiring = wiring.wire(network)
+        self._wiring = wiring.wire(network, events)
         self._state = wiring.new_state(self._wiring)
         self._counts = np.zeros(network.neurons, dtype=np.int64)
 
@@ -183,10 +204,10 @@ class _Compiled:
 class _Plain:
     kernel_arguments = (None, None)
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, events: Mapping[str, DeviceEvents] | None) -> None:
         from ohmloom.neurocontroller.plain import PlainController
 
-        self._plain = PlainController(network)
+        self._plain = PlainController(network, events)
         self._counts = np.zeros(network.neurons, dtype=np.int64)
 
     def reset(self) -> None:

@@ -35,6 +35,10 @@ class Lattice:
     unit: int
     weight: Callable[[int], float]
 
+    def moved(self, charge: int, sign: int) -> int:
+        """Charge after one event, positive or negative."""
+        return min(max(charge + sign * self.event, 0), self.top)
+
 
 def hp_weight(q: int) -> float:
     """W = R_on / M with eq. 7; `q` in 1/100000 of the paper's charge.
@@ -57,6 +61,11 @@ def peo_pani_weight(q: int) -> float:
 def linear_weight(q: int) -> float:
     """The linear resistor: one event moves W by 1/1000 (Section V-3)."""
     return q / 1000
+
+
+def reads_with_reference(kind: str) -> bool:
+    """Linear and constant kinds have W = (G - G_off)/(G_on - G_off); the memristive ones W = G/G_on."""
+    return kind in ("linear", "constant")
 
 
 def charge_levels(lattice: Lattice) -> list[int]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ohmloom.neurocontroller.kinds import LATTICES
 from ohmloom.neurocontroller.network import Network
@@ -37,18 +38,26 @@ def classify(spikes: Sequence[int], high_count: int) -> int:
 
 
 class PlainController:
-    """Steps a network as the paper describes it: plain numbers, one loop per sentence."""
+    """Steps a network as the paper describes it: plain numbers, one loop per sentence.
 
-    def __init__(self, network: Network) -> None:
+    Plastic kinds move on the paper's lattices, or as `events` says, a `DeviceEvents` per kind.
+    """
+
+    def __init__(self, network: Network, events: Mapping[str, Any] | None = None) -> None:
         self.network = network
+        self.models: Mapping[str, Any] = LATTICES if events is None else events
+        self.is_lattice = events is None
         self.readings = network.readings
         self.inbound = network.inbound()
         self.reset()
 
     def reset(self) -> None:
         """Everything as at the start of a trial, weights included."""
-        self.charges = [LATTICES[s.kind].start if s.kind in LATTICES else None for s in self.network.synapses]
-        self.weights = [s.weight for s in self.network.synapses]
+        self.charges = [self.models[s.kind].start if s.kind in LATTICES else None for s in self.network.synapses]
+        self.weights = [
+            s.weight if charge is None or self.is_lattice else self.models[s.kind].weight(charge)
+            for s, charge in zip(self.network.synapses, self.charges, strict=True)
+        ]
         self.events = [[0, 0] for _ in self.network.synapses]
         self.counts = [0] * self.network.neurons
         self._reset_activity()
@@ -112,8 +121,8 @@ class PlainController:
             sign = stdp_sign(self.ls[synapse.pre], self.ls[synapse.post], self.readings.stdp_threshold)
             charge = self.charges[k]
             if sign and charge is not None:
-                lattice = LATTICES[synapse.kind]
-                self.charges[k] = charge = min(max(charge + sign * lattice.event, 0), lattice.top)
-                self.weights[k] = lattice.weight(charge)
+                model = self.models[synapse.kind]
+                self.charges[k] = model.moved(charge, sign)
+                self.weights[k] = model.weight(self.charges[k])
                 self.events[k][sign < 0] += 1
         self.ls = [max(value - 1, 0) for value in self.ls]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
+from collections.abc import Mapping
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from ohmloom.neurocontroller import _kernels
 from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS, charge_levels
 from ohmloom.neurocontroller.network import Network
 from ohmloom.neurocontroller.rules import INPUTS, OUTPUTS
+
+if TYPE_CHECKING:
+    from ohmloom.neurocontroller.device_levels import DeviceEvents
 
 MASK_LIMIT = 62  # neurons that fit the bits of a signed 64-bit integer
 NOT_PLASTIC = len(PLASTIC_KINDS)
@@ -39,8 +43,24 @@ def start_level(kind: str) -> int:
     return charge_levels(LATTICES[kind]).index(LATTICES[kind].start)
 
 
-def wire(network: Network) -> _kernels.Wiring:
-    """Arrays of one network, read only, for the kernels."""
+@lru_cache(maxsize=16)
+def device_tables(events: tuple[DeviceEvents | None, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `level_tables`, for plastic kinds on device cards; a kind that is None has no levels."""
+    levels = [None if of_kind is None else of_kind.levels for of_kind in events]
+    width = max((len(found.weights) for found in levels if found is not None), default=1)
+    # Charges have 3000 levels; 16 bits keep their tables, and the kernels, those of the lattice.
+    is_flux = any(of_kind is not None and of_kind.event_flux is not None for of_kind in events)
+    weights = np.zeros((len(levels), width))
+    up, down = (np.zeros((len(levels), width), dtype=np.int32 if is_flux else np.int16) for _ in range(2))
+    for row, found in enumerate(levels):
+        if found is not None:
+            weights[row, : len(found.weights)] = found.weights
+            up[row, : len(found.up)], down[row, : len(found.down)] = found.up, found.down
+    return weights, up, down
+
+
+def wire(network: Network, events: Mapping[str, DeviceEvents] | None = None) -> _kernels.Wiring:
+    """Arrays of one network, read only, for the kernels; plastic kinds are the paper's unless `events` are given."""
     r, n = network.readings, network.neurons
     first_output = n - OUTPUTS
     masked = n <= MASK_LIMIT and r.last_spike == 3 and r.stdp_threshold == 4 and r.weight_at == "arrival"
@@ -49,7 +69,11 @@ def wire(network: Network) -> _kernels.Wiring:
     sign = np.array([network.sign(j) for j in range(n)])
     kind = np.full((n, n), NOT_PLASTIC, dtype=np.int8)
     weight = np.zeros((n, n))
-    level = np.zeros((n, n), dtype=np.int16)
+    if events is None:
+        tables, up, down = level_tables()
+    else:
+        tables, up, down = device_tables(tuple(events.get(name) for name in PLASTIC_KINDS))
+    level = np.zeros((n, n), dtype=up.dtype)
     starts = np.zeros(n + 1, dtype=np.int64)
     senders: list[int] = []
     delays: list[int] = []
@@ -65,11 +89,14 @@ def wire(network: Network) -> _kernels.Wiring:
                 (direct if not is_lateral else descending if pre > post else ascending)[post] |= 1 << pre
             if synapse.kind in LATTICES:
                 kind[post, pre] = PLASTIC_KINDS.index(synapse.kind)
-                level[post, pre] = start_level(synapse.kind)
+                if events is None:
+                    level[post, pre] = start_level(synapse.kind)
+                else:
+                    level[post, pre] = events[synapse.kind].levels.start
+                    weight[post, pre] = sign[pre] * tables[kind[post, pre], level[post, pre]]
                 if masked:
                     plastic[post] |= 1 << pre
         starts[post + 1] = len(senders)
-    tables, up, down = level_tables()
     return _kernels.Wiring(
         n, masked, direct, descending, ascending, plastic, sign, kind, weight, level,
         starts, np.array(senders, dtype=np.int64), np.array(delays, dtype=np.int64), tables, up, down,
@@ -84,7 +111,7 @@ def new_state(wiring: _kernels.Wiring) -> _kernels.ControllerState:
     # The masked form keeps no ring, but the arrays must exist for the compiler.
     slots = 1 if wiring.masked else int(wiring.delays.max(initial=1)) + 1
     state = _kernels.ControllerState(
-        np.empty(n), np.empty((n, n)), np.empty((n, n), dtype=np.int16), np.zeros(1, dtype=np.int64),
+        np.empty(n), np.empty((n, n)), np.empty((n, n), dtype=wiring.up.dtype), np.zeros(1, dtype=np.int64),
         np.zeros((2, n), dtype=np.int64), np.zeros(n, dtype=np.int64), np.zeros((slots, n), dtype=np.bool_),
         np.zeros((slots if wiring.at_emission else 1, synapses)), np.zeros(1, dtype=np.int64),
         np.zeros(2, dtype=np.int64),

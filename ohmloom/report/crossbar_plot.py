@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, frozen_array
 from ohmloom.errors import ParameterError
-from ohmloom.mapping import Crosspoint, Plan, Tile
+from ohmloom.mapping import Crosspoint, Plan, Tile, tile_grid
+from ohmloom.mapping.grid import DISABLED, FORBIDDEN, PARTNER
 from ohmloom.report._replay_data import INK
 from ohmloom.units import format_quantity
 
@@ -18,18 +19,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DEVICE: Final = 0.76  # side of a device's square; lines are 1 apart
+SECOND: Final = 0.45  # side of the second device of a pair
 REFERENCE_GAP: Final = 0.6  # more space between the last bit line and the reference column
-LINE_COLOUR, INVERTED_COLOUR = "#8a9099", "#c03a2b"
+LINE_COLOUR, INVERTED_COLOUR, EXCITATORY_COLOUR = "#8a9099", "#c03a2b", "#1f5fa8"
 ON_DARK, ON_BRIGHT = "#fdfdfd", "#101010"
 MOST_INCHES: Final = 12.0
 
 
 def plot_tile(plan: Plan, tile: int, *, conductances: npt.ArrayLike | None = None, ax: Axes | None = None) -> Axes:
-    """Draw one tile as a crossbar: a square for each device, coloured by conductance [S, log scale].
+    """Draw one tile as a crossbar: a square for each device, coloured by conductance and weight [S, log scale].
 
-    Each word line carries its sender and the read voltage, negative and in red for an inhibitory sender; each bit
-    line its receiver. A crossing without a square has no device. A number is the delay in steps, where it is more
-    than 1. The reference column, if the tile has one, stands apart on the right.
+    Each word line carries its sender and the read voltage, negative for an inhibitory sender whose sign is that of
+    the voltage; names of inhibitory neurons are red. Each bit line carries its receiver. A crossing without a square
+    has no synapse: a dot where the net has none, a cross where none may be. Spare lines are dotted. A number is the
+    delay in steps, where it is more than 1. The reference column, if the tile has one, stands apart on the right.
 
     Parameters
     ----------
@@ -81,6 +84,8 @@ def plot_plan(plan: Plan) -> Figure:
     for index in range(len(plan.tiles)):
         _draw(plan, index, _conductances(plan, None), figure.add_subplot(down, across, index + 1))
     figure.legend(handles=_legend(plan), loc="outside lower center", ncols=across, frameon=False, fontsize="small")
+    figure.suptitle(f"{plan.network.name} on {plan.hardware.name}: a spike enters on a row, and every device on it "
+                    "adds a current to its column", fontsize=10, parse_math=False)  # fmt: skip
     return figure
 
 
@@ -98,13 +103,17 @@ def _conductances(plan: Plan, given: npt.ArrayLike | None) -> FloatArray:
     return checked
 
 
+def _size(tile: Tile) -> tuple[int, int]:
+    return len(tile.rows) + tile.spare_rows, len(tile.columns) + tile.spare_columns
+
+
 def _inches(tile: Tile) -> tuple[float, float]:
-    pitch, columns = _pitch(tile), len(tile.columns) + 2 * tile.has_reference
-    return max(5.0, 3.3 + pitch * columns), max(2.9, 1.9 + pitch * len(tile.rows))
+    pitch, (rows, columns) = _pitch(tile), _size(tile)
+    return max(5.0, 3.6 + pitch * (columns + 2 * tile.has_reference)), max(2.9, 1.9 + pitch * rows)
 
 
 def _pitch(tile: Tile) -> float:
-    return min(0.3, MOST_INCHES / max(len(tile.rows), len(tile.columns)))
+    return min(0.3, MOST_INCHES / max(_size(tile)))
 
 
 def _draw(plan: Plan, index: int, conductances: FloatArray, ax: Axes) -> None:
@@ -122,43 +131,74 @@ def _draw(plan: Plan, index: int, conductances: FloatArray, ax: Axes) -> None:
     if tile.has_reference:
         places = [(_reference_at(tile), row) for row in range(len(tile.rows))]
         _squares(places, np.full(len(places), g_off), norm, ax, "reference", LINE_COLOUR)
+    _draw_others(plan, index, g_off, norm, ax)
     _write_taps(points, cells, values, ax)
-    _label(plan, tile, points, ax)
-    ticks = np.geomspace(low, high, 5)
-    share = 1.0 / (abs(ax.get_xlim()[1] - ax.get_xlim()[0]))  # one pitch, so that the bar is as tall as the tile
-    bar = ax.figure.colorbar(cells, cax=ax.inset_axes((1.0 + 0.4 * share, 0.0, 0.5 * share, 1.0)))
-    bar.set_label("conductance", fontsize=8)
-    bar.set_ticks(list(ticks), labels=[format_quantity(float(g), "S") for g in ticks], fontsize=8)
-    bar.ax.minorticks_off()
+    _label(plan, tile, ax)
+    _draw_bar(tile, (low, high), (g_off, g_on), cells, ax)
     size = f"{len(tile.rows)} word lines × {len(tile.columns)} bit lines, {len(points)} devices"
     size += " + reference" if tile.has_reference else ""
+    size += f", spare {tile.spare_rows} + {tile.spare_columns}" if tile.spare_rows or tile.spare_columns else ""
     # Card names are other people's text: a $ in it is no formula.
     ax.set_title(f"{tile.kind}: card {device.name}\n{size}", fontsize=9, parse_math=False)
 
 
+def _draw_bar(tile: Tile, ends: tuple[float, float], range_: tuple[float, float], cells: Any, ax: Axes) -> None:
+    (low, high), (g_off, g_on) = ends, range_
+    reference = g_off if tile.subtracts_off else 0.0
+    share = 1.0 / abs(ax.get_xlim()[1] - ax.get_xlim()[0])  # one pitch, so that the bar is as tall as the tile
+    bar = ax.figure.colorbar(cells, cax=ax.inset_axes((1.0 + 0.4 * share, 0.0, 0.5 * share, 1.0)))
+    bar.set_label("conductance, weight W", fontsize=8)
+    ticks = [float(g) for g in np.geomspace(low, high, 5)]
+    words = [f"{format_quantity(g, 'S')}, W {max(g - reference, 0.0) / (g_on - reference):.2g}" for g in ticks]
+    bar.set_ticks(ticks, labels=words, fontsize=8)
+    bar.ax.minorticks_off()
+
+
 def _reference_at(tile: Tile) -> float:
-    return len(tile.columns) + REFERENCE_GAP
+    return len(tile.columns) + tile.spare_columns + REFERENCE_GAP
 
 
 def _draw_lines(tile: Tile, ax: Axes) -> None:
-    rows, columns = len(tile.rows), len(tile.columns)
-    downs = [*range(columns), *([_reference_at(tile)] if tile.has_reference else [])]
+    (rows, columns), (m, n) = _size(tile), (len(tile.rows), len(tile.columns))
+    end = [_reference_at(tile)] if tile.has_reference else []
+    right = ([*range(columns), *end])[-1] + 0.5
     line: dict[str, Any] = {"colors": LINE_COLOUR, "linewidth": 0.8, "zorder": 1}
-    ax.hlines(np.arange(rows), -0.8, downs[-1] + 0.5, gid="word lines", **line)
-    ax.vlines(downs, -0.5, rows - 0.2, gid="bit lines", **line)
-    ax.plot(downs, np.full(len(downs), rows - 0.2), linestyle="none", marker="v", markersize=3.5, color=LINE_COLOUR)
-    ax.set(xlim=(-0.9, downs[-1] + 0.6), ylim=(rows + 0.1, -0.7), aspect="equal")
+    ax.hlines(np.arange(m), -0.8, right, gid="word lines", **line)
+    ax.vlines([*range(n), *end], -0.5, rows - 0.2, gid="bit lines", **line)
+    ax.hlines(np.arange(m, rows), -0.8, right, gid="spare word lines", linestyles="dotted", **line)
+    ax.vlines(np.arange(n, columns), -0.5, rows - 0.2, gid="spare bit lines", linestyles="dotted", **line)
+    mark: dict[str, Any] = {"linestyle": "none", "markersize": 3.5, "color": LINE_COLOUR}
+    downs = [*range(columns), *end]
+    ax.plot(downs, np.full(len(downs), rows - 0.2), marker="v", **mark)
+    ax.plot(np.full(rows, -0.8), np.arange(rows), marker=">", **mark)
+    ax.set(xlim=(-1.0, right + 0.1), ylim=(rows + 0.1, -0.7), aspect="equal")
+
+
+def _draw_others(plan: Plan, index: int, g_off: float, norm: Any, ax: Axes) -> None:
+    """Crossings without a synapse, and the second devices of differential pairs."""
+    cell = tile_grid(plan, index).cell
+    for what, name, marker, size in (
+        (DISABLED, "no synapse", "o", 3.5),
+        (FORBIDDEN, "forbidden", "x", 4.5),
+    ):
+        where = np.argwhere(cell == what)
+        ax.plot(where[:, 1], where[:, 0], linestyle="none", marker=marker, markersize=size, color=LINE_COLOUR,
+                markerfacecolor="white", markeredgewidth=0.7, gid=name, zorder=1.5)  # fmt: skip
+    partners = np.argwhere(cell == PARTNER)
+    if len(partners):
+        places = [(int(j), int(i)) for i, j in partners]
+        _squares(places, np.full(len(places), g_off), norm, ax, "partners", LINE_COLOUR)
 
 
 def _squares(places: Any, values: FloatArray, norm: Any, ax: Axes, name: str, edge: str) -> Any:
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Rectangle
 
-    corners = [(x - DEVICE / 2, y - DEVICE / 2) for x, y in places]
-    patches = [Rectangle(corner, DEVICE, DEVICE) for corner in corners]
+    side = SECOND if name == "partners" else DEVICE
+    patches = [Rectangle((x - side / 2, y - side / 2), side, side) for x, y in places]
     squares = PatchCollection(patches, norm=norm, cmap="viridis", edgecolor=edge, linewidth=0.5, gid=name, zorder=2)
     squares.set_array(values)
-    if name == "reference":
+    if name != "devices":
         squares.set_linestyle("--")
     return ax.add_collection(squares)
 
@@ -171,22 +211,27 @@ def _write_taps(points: list[Crosspoint], cells: Any, values: FloatArray, ax: Ax
                     color=ON_DARK if is_dark else ON_BRIGHT, zorder=3)  # fmt: skip
 
 
-def _label(plan: Plan, tile: Tile, points: list[Crosspoint], ax: Axes) -> None:
-    labels, voltage = plan.network.labels(), plan.hardware.read.voltage.value
-    polarity = {point.row: point.polarity for point in points}
+def _label(plan: Plan, tile: Tile, ax: Axes) -> None:
+    network, voltage = plan.network, plan.hardware.read.voltage.value
+    labels, by_row = network.labels(), plan.hardware.array.signs == "row_polarity"
     size = min(8.0, 60 * _pitch(tile))
+    minus = {neuron: by_row and network.sign(neuron) < 0 for neuron in tile.rows}
     words = [
-        f"{labels[neuron]}  {'+' if polarity[row] > 0 else '−'}{format_quantity(voltage, 'V')}"
-        for row, neuron in enumerate(tile.rows)
+        f"{labels[neuron]}  {'−' if minus[neuron] else '+'}{format_quantity(voltage, 'V')}" for neuron in tile.rows
     ]
-    ax.set_yticks(range(len(words)), words, fontsize=size)
-    for row, text in enumerate(ax.get_yticklabels()):
-        if polarity[row] < 0:
-            text.set_color(INVERTED_COLOUR)
-    columns, names = [float(k) for k in range(len(tile.columns))], [labels[neuron] for neuron in tile.columns]
+    ax.set_yticks(range(len(words) + tile.spare_rows), words + ["spare"] * tile.spare_rows, fontsize=size)
+    columns = [float(k) for k in range(_size(tile)[1])]
+    names = [
+        labels[neuron] + ("" if by_row else f", counted {'+' if sign > 0 else '−'}")
+        for neuron, sign in zip(tile.columns, tile.column_signs, strict=True)
+    ]
+    names += ["spare"] * tile.spare_columns
     if tile.has_reference:
         columns, names = [*columns, _reference_at(tile)], [*names, "reference"]
     ax.set_xticks(columns, names, rotation=90, fontsize=size)
+    for neurons, texts in ((tile.rows, ax.get_yticklabels()), (tile.columns, ax.get_xticklabels())):
+        for neuron, text in zip(neurons, texts, strict=False):
+            text.set_color(INVERTED_COLOUR if network.sign(neuron) < 0 else EXCITATORY_COLOUR)
     ax.set_xlabel("bit lines: receiving neuron", fontsize=8)
     ax.set_ylabel("word lines: sending neuron, read voltage", fontsize=8)
     ax.tick_params(length=0, pad=2)
@@ -197,19 +242,32 @@ def _legend(plan: Plan) -> list[Any]:
     from matplotlib.lines import Line2D
 
     def mark(label: str, **style: Any) -> Line2D:
-        return Line2D([], [], linestyle="none", label=label, **style)
+        return Line2D([], [], **{"linestyle": "none", "label": label, **style})
 
-    absent = plan.hardware.array.disabled
+    array = plan.hardware.array
+    absent = {"unformed": "never formed", "masked": "behind a closed transistor", "present": "but a device is there"}
     rows = [
-        mark("square: a device, coloured by its conductance", marker="s", color="#21918c", markeredgecolor=INK),
-        mark(f"crossing without a square: no synapse ({absent})", marker="+", color=LINE_COLOUR, markersize=9),
-    ]
+        mark("square: a synapse, one device, coloured by its conductance", marker="s", color="#21918c",
+             markeredgecolor=INK),
+        mark(f"circle: no synapse in this net, {array.disabled} ({absent[array.disabled]})", marker="o",
+             color=LINE_COLOUR, markerfacecolor="white", markersize=4),
+        mark(f"cross: a pair that no net may connect, {array.disabled}", marker="x", color=LINE_COLOUR, markersize=5),
+        mark("driver: puts a voltage on a row while its sender spikes", marker=">", color=LINE_COLOUR),
+        mark("sense: takes the current of a column to its receiver", marker="v", color=LINE_COLOUR),
+        mark("blue name: excitatory neuron", marker="_", color=EXCITATORY_COLOUR, markersize=9),
+    ]  # fmt: skip
     if any(point.tap > 1 for point in plan.crosspoints):
         rows.append(mark("number: delay in steps, where more than 1", marker="$3$", color=INK))
     if any(point.polarity < 0 for point in plan.crosspoints):
-        rows.append(mark("red, −: inhibitory sender, read with inverted voltage", marker="_", color=INVERTED_COLOUR,
+        how = "read with inverted voltage" if array.signs == "row_polarity" else "counted − by its column"
+        rows.append(mark(f"red name: inhibitory neuron; as a sender {how}", marker="_", color=INVERTED_COLOUR,
                          markersize=9))  # fmt: skip
     if any(tile.has_reference for tile in plan.tiles):
         rows.append(mark("reference: devices at lowest conductance, subtracted", marker="s",
                          color="#440154", markeredgecolor=LINE_COLOUR))  # fmt: skip
+    if any(tile.is_differential for tile in plan.tiles):
+        rows.append(mark("small square: second device of a pair, at lowest conductance, subtracted", marker="s",
+                         color="#440154", markeredgecolor=LINE_COLOUR))  # fmt: skip
+    if array.spare_rows or array.spare_columns:
+        rows.append(mark("dotted: spare line, for repair", linestyle="dotted", color=LINE_COLOUR))
     return rows

@@ -16,7 +16,8 @@ from ohmloom.errors import Interrupted
 from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import champion
 from ohmloom.report.fit_output import save_fit
-from ohmloom.report.output import replay_network, save_plan, save_study
+from ohmloom.report.map_output import save_map, study_map
+from ohmloom.report.output import replay_network, save_study
 from ohmloom.sim import EvolutionSettings, agreement, evolve, feasibility
 from ohmloom.units import format_quantity
 
@@ -59,7 +60,7 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
 
     network, hardware = champion(CHAMPION), Hardware.load(HARDWARE)
     say(f"4  mapping: the {CHAMPION} champion, {len(network.synapses)} synapses, on {HARDWARE}")
-    paths = save_plan(place(network, hardware), out / "map")
+    paths = save_map(study_map(place(network, hardware)), out / "map")
     say(f"   {', '.join(str(path) for path in paths)}")
 
     say("5  discrete beside emulated, every step of a trial (compiling)")

@@ -1,43 +1,20 @@
-"""What the command line writes: the files of a plan, of a study and of a replay."""
+"""What the command line writes: the files of a study and of a replay."""
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 
-from ohmloom._files import write_atomic
 from ohmloom.errors import ParameterError
-from ohmloom.mapping import EmulatedController, Hardware, Plan, place
+from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.report.replay import FORMATS, Recording, replay
 from ohmloom.sim import Arena, Feasibility, Trial, run_trial
 from ohmloom.sim.feasibility import start_key
 from ohmloom.sim.trial import draw_trial_key
 
-PLAN_FILES = ("plan.json", "placement.csv", "crossbars.png")
 STUDY_FILES = ("report.html", "report.json", "plan.json")
-
-
-def save_plan(plan: Plan, out: Path) -> list[Path]:
-    """Write ``plan.json``, ``placement.csv`` and ``crossbars.png`` to a folder; their paths."""
-    from ohmloom.report.crossbar_plot import plot_plan
-
-    buffer = io.StringIO()
-    rows = plan.table()
-    if rows:
-        writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    picture = io.BytesIO()
-    plot_plan(plan).savefig(picture, format="png", dpi=150, metadata={"Software": None})
-    paths = [out / name for name in PLAN_FILES]
-    plan.save(paths[0])
-    write_atomic(paths[1], buffer.getvalue())
-    write_atomic(paths[2], picture.getvalue())
-    return paths
 
 
 def save_study(study: Feasibility, out: Path, *, command: str) -> list[Path]:

@@ -14,9 +14,8 @@ from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
 from ohmloom.errors import FileFormatError, expect_integer
 from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, event_table, place
-from ohmloom.mapping.plan import reads_with_reference
 from ohmloom.neurocontroller import LATTICES, Network, SpikingController
-from ohmloom.neurocontroller.kinds import charge_levels
+from ohmloom.neurocontroller.kinds import charge_levels, reads_with_reference
 from ohmloom.neurocontroller.plain import stdp_sign
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
@@ -271,7 +270,7 @@ def _exactness(plan: Plan, check: Agreement) -> tuple[dict[str, bool], dict[str,
     exact: dict[str, bool] = {}
     skipped: dict[str, str] = {}
     if kinds:
-        table = event_table(drive.levels, drive.threshold.value)
+        table = event_table(drive.volts, drive.threshold.value)
         exact["rule_table"] = all(
             table[pre][post] == stdp_sign(pre, post, readings.stdp_threshold)
             for pre in range(len(table)) for post in range(len(table))

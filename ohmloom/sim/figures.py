@@ -280,11 +280,10 @@ def event_fidelity(hardware: Hardware, lost: int, spurious: int, ideal: int, die
                       detail="no STDP event was asked for, and none was written.")  # fmt: skip
     value = (lost + spurious) / max(ideal, 1)
     margin = margin_of(value, EVENT_FIDELITY_LIMIT, low_is_good=True)
-    spread = hardware.spread.threshold
     where = f"{dies} sampled dies" if dies else "the nominal die"
     detail = f"{lost} lost and {spurious} spurious of {ideal} events on {where}."
     return Figure(name="event_fidelity", value=value, unit="1", limit=EVENT_FIDELITY_LIMIT, margin=margin,
-                  source=DESIGN_SOURCE, status=_sampled_status(margin, {"spread.threshold": spread}),
+                  source=DESIGN_SOURCE, status=_sampled_status(margin, hardware),
                   detail=detail)  # fmt: skip
 
 
@@ -329,13 +328,13 @@ def closed_loop_success(hardware: Hardware, success: Success | None) -> Figure:
         margin_shown = margin if status == FAIL else None
         return Figure(name=name, value=low, unit=unit, limit=NON_INFERIORITY, margin=margin_shown, source=source,
                       status=status, detail=f"{counts}; {more}.")  # fmt: skip
-    spreads = {f"spread.{key}": getattr(hardware.spread, key) for key in type(hardware.spread).model_fields}
     return Figure(name=name, value=low, unit=unit, limit=NON_INFERIORITY, margin=margin, source=source,
-                  status=_sampled_status(margin, spreads), detail=f"{counts}.")  # fmt: skip
+                  status=_sampled_status(margin, hardware), detail=f"{counts}.")  # fmt: skip
 
 
-def _sampled_status(margin: float, spreads: Mapping[str, Quantity]) -> str:
-    """A figure from sampled dies cannot pass on assumed spreads."""
+def _sampled_status(margin: float, hardware: Hardware) -> str:
+    """A figure from sampled dies cannot pass on assumed non-idealities."""
     status = status_of(margin)
-    is_assumed = any(q.is_assumed and q.value > 0.0 for q in spreads.values())
+    effects = hardware.quantities().items()
+    is_assumed = any(q.is_assumed and q.value > 0.0 for name, q in effects if name.startswith("nonidealities."))
     return ASSUMED if status == PASS and is_assumed else status

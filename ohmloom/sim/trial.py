@@ -218,7 +218,11 @@ def run_trial(
     arena = arena if arena is not None else Arena.paper()
     arguments = getattr(controller, "kernel_arguments", (None, None))
     if arguments[0] is not None and on_timestep is None and isinstance(arena, Arena):
-        return _run_compiled(arguments, arena, trial_key, action_delay)
+        trial = _run_compiled(arguments, arena, trial_key, action_delay)
+        check_solved = getattr(controller, "check_solved", None)
+        if check_solved is not None:
+            check_solved()
+        return trial
     place = _OwnArena(arena) if isinstance(arena, Arena) else arena
     return _run_plain(controller, place, trial_key, action_delay, on_timestep)
 
@@ -265,7 +269,7 @@ def _run_compiled(arguments: Any, arena: Arena, key: int, action_delay: int) -> 
         np.zeros((rows, 2), dtype=np.int64),
     )
     n = _trial_kernels.run(
-        arena.world(), robot, np.uint64(key), wiring, state, np.zeros(wiring.neurons, dtype=np.int64),
+        arena.world(), robot, np.uint64(key), wiring, state, np.zeros(_neurons(wiring), dtype=np.int64),
         np.zeros(6), action_delay, True, path, st, seen, acted, spikes,
     )  # fmt: skip
     return _trial(_OwnArena(arena, robot), key, path[: n + 1], st[: n + 1], seen[:n], acted[:n], spikes[:n])
@@ -309,6 +313,10 @@ class _OwnArena:
 
     def settings(self) -> dict[str, Any]:
         return self._arena.settings()
+
+
+def _neurons(wiring: Any) -> int:
+    return wiring.neurons if isinstance(wiring.neurons, int) else len(wiring.neurons)
 
 
 def _run_plain(

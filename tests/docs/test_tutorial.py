@@ -121,8 +121,9 @@ def test_the_json_of_map_is_explained(tutorial: Any, tmp_path: Path) -> None:
     words = ["map", str(tmp_path / "HET.net.json"), "--hardware", "het_mixed", "--out", str(tmp_path), "--json"]
     found = json.loads(CliRunner().invoke(app, words, catch_exceptions=False).output)
     text = page("cli").split("## map")[1].split("`--json` gives")[1].split("## evaluate")[0]
-    assert re.findall(r"`(\w+)`", text) == ["plan", "files", "tiles", *found["tiles"][0], "synapses", "assumed"]
-    assert set(found) == {"plan", "files", "tiles", "synapses", "assumed"}
+    top = ["plan", "files", "seed", "tiles", "synapses", "utilisation", "reset", "cost", "late_steps", "assumed"]
+    assert re.findall(r"`(\w+)`", text) == [*top[:4], *found["tiles"][0], *top[4:]]
+    assert list(found) == top
 
 
 def test_every_column_of_a_plan_is_named(tutorial: Any) -> None:

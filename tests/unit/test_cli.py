@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -144,14 +145,34 @@ def test_kind_that_cannot_be_built_is_named(run, tmp_path):
     assert "cards.peo_pani: expected a device card, got none" in one_line(err)
 
 
-def test_map_writes_plan_table_and_picture(run, net, tmp_path):
+def test_map_writes_what_is_needed_to_build_and_drive_it(run, net, tmp_path):
     code, out, _ = run("map", net, "--hardware", "hp_1t1r", "--out", tmp_path / "map")
     assert code == 0
-    assert "all " in out
-    assert "assumed: drive.pulse_voltage = 1 V" in out
-    assert {p.name for p in (tmp_path / "map").iterdir()} == {"plan.json", "placement.csv", "crossbars.png"}
     synapses = len(Network.load(net).synapses)
+    for text in (
+        f"all {synapses} synapses placed on 1 tile", "assumed: drive.pulse_voltage = 1 V", "reset takes ",
+        " in ascending order, ", "counted: ", "signs by row_polarity (this plan)", "not counted: ",
+    ):  # fmt: skip
+        assert text in out
+    names = {"plan.json", "placement.csv", "reset.csv", "cost.csv", "pulses.csv", "crossbars.png", "example.png",
+             "pulses.png", "tile_0.cir", "tile_0.netlist.json"}  # fmt: skip
+    assert {p.name for p in (tmp_path / "map").iterdir()} == names
+    assert {Path(line).name for line in out.splitlines()[-len(names) :]} == names
     assert len((tmp_path / "map" / "placement.csv").read_text().splitlines()) == synapses + 1
+
+
+def test_map_json_has_the_same_numbers(run, net, tmp_path):
+    code, out, _ = run("map", net, "--hardware", "hp_passive", "--out", tmp_path / "map", "--json")
+    table = json.loads(out)
+    assert code == 0
+    assert {Path(name).name for name in table["files"]} == {p.name for p in (tmp_path / "map").iterdir()}
+    assert "tile_0_pulses.csv" in {Path(name).name for name in table["files"]}
+    (tile,) = table["tiles"]
+    assert 0.0 < tile["read_error"]["refined"] <= tile["read_error"]["given"]
+    assert table["synapses"] == tile["synapses"] == len(Network.load(net).synapses)
+    assert table["reset"]["duration"] > 0.0
+    assert [way["signs"] for way in table["cost"]["signs"]] == ["row_polarity", "column_pair", "differential_pair"]
+    assert any("drive.pulse_voltage" in line for line in table["assumed"])
 
 
 def test_evaluate_json_can_be_retraced(run, net, tmp_path):

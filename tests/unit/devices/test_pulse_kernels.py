@@ -53,7 +53,7 @@ def plain_reference(rate, s0, charge, volts, p, q_d):
 @pytest.mark.parametrize("size", [1e-3, 0.1, 2.0])
 def test_pulses_follow_a_law_whose_rate_and_conductance_vary(rate, volts, size):
     p, q_d = np.array([3.0]), 1e-6
-    metered, _ = build_pulses(sinh_conductance, rate, rate.__name__)
+    metered, _, _ = build_pulses(sinh_conductance, rate, rate.__name__)
     s_new, duration, _ = metered(0, 0.4, p, q_d, volts, math.copysign(size * q_d, volts))
     s_wanted, duration_wanted = plain_reference(rate, 0.4, size * q_d, volts, p, q_d)
     assert s_new == pytest.approx(s_wanted, abs=1e-10)
@@ -65,7 +65,7 @@ def test_pulses_follow_a_law_whose_rate_and_conductance_vary(rate, volts, size):
 @pytest.mark.parametrize("size", [0.1, 2.0])
 def test_current_pulses_follow_such_a_law_too(size):
     p, q_d, current = np.array([3.0]), 1e-6, 1e-4
-    _, pulse = build_pulses(sinh_conductance, windowed_rate, "sinh")
+    _, pulse, _ = build_pulses(sinh_conductance, windowed_rate, "sinh")
     s_new, energy, peak = pulse(0, 0.4, p, q_d, current, size * q_d / current)
 
     def volts(s):

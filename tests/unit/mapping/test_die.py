@@ -11,9 +11,9 @@ NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))
 
 def with_spread(**changes):
     hardware = Hardware.load("het_mixed")
-    spread = hardware.spread
+    spread = hardware.nonidealities
     update = {k: getattr(spread, k).model_copy(update={"value": v}) for k, v in changes.items()}
-    return place(NETWORK, hardware.model_copy(update={"spread": spread.model_copy(update=update)}))
+    return place(NETWORK, hardware.model_copy(update={"nonidealities": spread.model_copy(update=update)}))
 
 
 def test_same_seed_and_number_give_the_same_die():

@@ -91,8 +91,8 @@ def test_lost_events_are_counted_when_thresholds_are_too_high():
     plan = place(Network.random(system="HP", rng=np.random.default_rng(2)), Hardware.load("hp_1t1r"))
     hardware = plan.hardware
     high = hardware.drive.threshold.model_copy(update={"value": 0.75})
-    wide = hardware.spread.model_copy(update={"threshold": high.model_copy(update={"value": 0.5})})
-    die = place(plan.network, hardware.model_copy(update={"spread": wide})).sample(seed=1)
+    wide = hardware.nonidealities.model_copy(update={"threshold": high.model_copy(update={"value": 0.5})})
+    die = place(plan.network, hardware.model_copy(update={"nonidealities": wide})).sample(seed=1)
     emulated = EmulatedController(die)
     for _ in range(10):
         emulated.step(SENSORS)

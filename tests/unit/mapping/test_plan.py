@@ -1,5 +1,8 @@
 """Placement: every synapse on one device of its kind, and what does not fit is named."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 
@@ -70,13 +73,6 @@ def test_kind_without_a_card_names_kind_and_synapse():
     assert len(caught.value.problems) == 2
 
 
-def test_too_small_an_array_names_the_first_synapse_without_a_line():
-    hardware = Hardware.load("het_mixed")
-    small = hardware.model_copy(update={"array": hardware.array.model_copy(update={"max_rows": 1})})
-    with pytest.raises(MappingError, match=r"max_rows: expected at least 2 for the constant tile .*synapses\[1\]"):
-        place(tiny(), small)
-
-
 def test_weight_at_emission_cannot_be_built():
     with pytest.raises(MappingError, match=r"readings\.weight_at: expected 'arrival', got 'emission'"):
         place(tiny(readings=Readings(weight_at="emission")), Hardware.load("het_mixed"))
@@ -98,6 +94,46 @@ def test_altered_plan_is_refused(tmp_path):
     path.write_text(plan.to_json().replace('"tap": 1', '"tap": 2', 1))
     with pytest.raises(FileFormatError, match=r"plan\.json: crosspoints: expected what this network and hardware give"):
         Plan.load(path)
+
+
+def forget_a_row(tile):
+    tile["rows"].pop()
+
+
+def repeat_a_column(tile):
+    tile["columns"][1] = tile["columns"][0]
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (forget_a_row, "expected one crosspoint"),
+        (repeat_a_column, "tiles[0].columns"),
+        (lambda tile: tile.update(card="peo_pani"), "tiles[0].card"),
+        (lambda tile: tile.update(has_reference=True), "tiles[0].has_reference"),
+        (lambda tile: tile.update(spare_rows=1), "tiles[0].spare"),
+        (lambda tile: tile.update(rows="everywhere"), "invalid literal"),
+    ],
+)
+def test_a_plan_whose_tiles_do_not_carry_its_network_is_refused(tmp_path, change, name):
+    table = json.loads(place(HET, Hardware.load("het_mixed")).to_json())
+    change(table["tiles"][0])
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(table))
+    with pytest.raises(FileFormatError, match=rf"plan\.json: tiles: .*{re.escape(name)}"):
+        Plan.load(path)
+
+
+def test_a_plan_with_other_places_of_its_lines_is_a_plan(tmp_path):
+    """Another machine may find another order of lines; what is built is what the file says."""
+    table = json.loads(place(HET, Hardware.load("het_mixed")).to_json())
+    tile, last = table["tiles"][0], len(table["tiles"][0]["rows"]) - 1
+    tile["rows"].reverse()
+    for point in table["crosspoints"]:
+        point["row"] = last - point["row"] if point["tile"] == 0 else point["row"]
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(table))
+    assert list(Plan.load(path).tiles[0].rows) == tile["rows"]
 
 
 def test_table_names_the_units():

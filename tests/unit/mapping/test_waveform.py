@@ -6,7 +6,7 @@ import pytest
 
 from ohmloom.errors import MappingError
 from ohmloom.mapping import WAVEFORMS, event_table
-from ohmloom.mapping.waveform import check_rule
+from ohmloom.mapping.waveform import Phase, Separability, Waveform, check_rule, separability, widest_levels
 from ohmloom.neurocontroller import Readings
 
 # Eqs. 10 and 11 with last_spike = 3 and threshold 4: only one step apart, by hand.
@@ -16,23 +16,24 @@ RULE = {(2, 3): 1, (3, 2): -1}
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_waveform_gives_the_rule(name):
     waveform = WAVEFORMS[name]
-    table = event_table(waveform.levels, waveform.event - 0.5)
+    table = event_table(waveform, waveform.event - 0.5)
     for pre, post in itertools.product(range(4), repeat=2):
         assert table[pre][post] == RULE.get((pre, post), 0)
 
 
-@pytest.mark.parametrize(("name", "worst"), [("half", 1), ("two_part", 4)])
-def test_largest_level_without_an_event(name, worst):
-    levels = WAVEFORMS[name].levels
-    silent = [abs(levels[b] - levels[a]) for a, b in itertools.product(range(4), repeat=2) if (a, b) not in RULE]
-    assert max(silent) == worst
+@pytest.mark.parametrize(
+    ("name", "best", "worst"), [("half", 2, 1), ("two_part", 5, 4), ("two_slot", 5, 4), ("pwm", 2, 1)]
+)
+def test_window_of_the_threshold(name, best, worst):
+    found = separability(WAVEFORMS[name])
+    assert found == Separability(least_event=best, largest_other=worst, is_separable=True, wrong=())
 
 
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_all_histories_of_eight_steps(name):
     """65,536 pairs of spike trains: events of the waveform equal events of one-step-apart spikes."""
     waveform = WAVEFORMS[name]
-    table = event_table(waveform.levels, waveform.event - 0.5)
+    table = event_table(waveform, waveform.event - 0.5)
     trains = list(itertools.product((0, 1), repeat=8))
     traces = []
     for train in trains:
@@ -59,3 +60,37 @@ def test_threshold_outside_the_window_names_the_pair(threshold, pair):
 def test_other_last_spike_needs_another_waveform():
     with pytest.raises(MappingError, match=r"drive\.waveform: expected a level for ls = 0 to 5, got 4 levels"):
         check_rule((0.0, 0.0, -0.5, 0.5), 0.75, Readings(last_spike=5))
+
+
+def test_a_graded_width_is_not_the_rule():
+    """A tail that is half as wide for ls = 1 moves half an event at (1, 3)."""
+    tail, head = (0, -1, -1, 0), (0, 0, 0, 1)
+    late, rest = Phase(row=tail, column=head, duration=0.5), Phase(row=(0, 0, -1, 0), column=head, duration=0.5)
+    graded = Waveform(phases=(late, rest))
+    assert event_table(graded, 1.5)[1][3] == 0.5
+    assert separability(graded).wrong == ((1, 3),)
+    with pytest.raises(MappingError, match=r"\(1, 3\), got 0\.5 of an event at 2 V .*\(1, 3\) fire wrongly at any"):
+        check_rule(graded, 1.5, Readings())
+
+
+def test_levels_that_only_add_up_lose_the_sign():
+    """ls on both ends, the letter of eq. 10, fires where both are equal."""
+    plus = Waveform(phases=(Phase(row=(0, -1, -2, -3), column=(0, 1, 2, 3)),))
+    found = separability(plus)
+    assert not found.is_separable
+    assert (3, 2) in found.wrong
+
+
+@pytest.mark.parametrize(("last_spike", "threshold"), [(3, 4), (3, 5), (2, 2), (4, 6), (5, 8)])
+def test_widest_levels_are_found_by_trying(last_spike, threshold):
+    levels = widest_levels(last_spike=last_spike, stdp_threshold=threshold, largest=4)
+    if levels is None:
+        assert (last_spike, threshold) in {(4, 6), (5, 8)}
+        return
+    found = separability(levels, stdp_threshold=threshold)
+    assert found.is_separable
+    check_rule(
+        levels,
+        0.5 * (found.least_event + found.largest_other),
+        Readings(last_spike=last_spike, stdp_threshold=threshold),
+    )

@@ -10,6 +10,7 @@ SCRIPT = """
 import hashlib
 import numpy as np
 from ohmloom import _jit
+from ohmloom.devices import Device
 from ohmloom.neurocontroller import Network, Readings, SpikingController
 from ohmloom.sim import Arena, run_trial
 
@@ -28,6 +29,13 @@ for readings in (Readings(), Readings(lateral="both", weight_at="emission")):
         trial = run_trial(controller, Arena.paper(task=task).replace(max_timesteps=40), trial_key=2**64 - 7)
         for values in (trial.path, trial.sensors, trial.actions, trial.output_spikes):
             digest.update(values.tobytes())
+cards = {"hp": Device.load("hp_tio2_10k"), "peo_pani": Device.load("peo_pani"), "linear": Device.load("linear")}
+# Of the fluxes, that of HP alone needs no logarithm, in which NumPy and the compiler differ by a bit.
+for system, options in (("HET", {"cards": cards}), ("HP", {"plasticity": "flux"})):
+    controller = SpikingController(Network.random(system=system, rng=np.random.default_rng(2)), **options)
+    for sensors in np.random.default_rng(3).random((12, 6)):
+        controller.step(sensors)
+        digest.update(controller.weights.tobytes())
 print(sum(controller.events) > 100, digest.hexdigest())
 """
 

@@ -9,7 +9,7 @@ import pytest
 
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import Hardware, place
-from ohmloom.neurocontroller import Network
+from ohmloom.neurocontroller import Network, champion
 from ohmloom.report import plot_plan, plot_tile
 from ohmloom.sim import Feasibility
 
@@ -49,6 +49,43 @@ def test_lines_are_labelled_with_neurons_and_read_voltage(het_study: Feasibility
     assert rows == [f"{labels[n]}  {s}100 mV" for n, s in zip(plan.tiles[0].rows, signs, strict=True)]
     assert [text.get_text() for text in ax.get_xticklabels()] == [labels[n] for n in plan.tiles[0].columns]
     assert len({text.get_color() for text in ax.get_yticklabels()}) == 2
+    senders = {text.get_text().split("  ")[0]: text.get_color() for text in ax.get_yticklabels()}
+    receivers = {text.get_text(): text.get_color() for text in ax.get_xticklabels()}
+    both = set(senders) & set(receivers)
+    assert both
+    assert all(senders[name] == receivers[name] for name in both)
+
+
+def test_crossings_without_a_synapse_say_why(het_study: Feasibility) -> None:
+    plan = het_study.plan
+    assert plan is not None
+    ax, tile, legal = plot_tile(plan, 0), plan.tiles[0], set(plan.network.legal)
+    synapses = {(p.column, p.row) for p in plan.crosspoints if p.tile == 0}
+    drawn = {
+        line.get_gid(): {(int(x), int(y)) for x, y in line.get_xydata()}
+        for line in ax.lines
+        if line.get_gid() in ("no synapse", "forbidden")
+    }
+    places = {(j, i): (pre, post) for i, pre in enumerate(tile.rows) for j, post in enumerate(tile.columns)}
+    assert drawn["forbidden"] == {place for place, pair in places.items() if pair not in legal}
+    assert drawn["no synapse"] == set(places) - drawn["forbidden"] - synapses
+
+
+def test_spare_lines_and_second_devices_look_different() -> None:
+    hardware = Hardware.load("hp_1t1r")
+    array = {"spare_rows": 2, "spare_columns": 1, "signs": "differential_pair"}
+    plan = place(champion("GA"), hardware.model_copy(update={"array": hardware.array.model_copy(update=array)}))
+    ax, tile = plot_tile(plan, 0), plan.tiles[0]
+    lines = {c.get_gid(): len(c.get_segments()) for c in ax.collections if "lines" in str(c.get_gid())}
+    assert lines["spare word lines"] == 2
+    assert lines["spare bit lines"] == 1
+    assert [text.get_text() for text in ax.get_yticklabels()][-2:] == ["spare", "spare"]
+    assert len(squares(ax, "partners")) == len(squares(ax, "devices"))
+    assert ax.get_xticklabels()[0].get_text().endswith(("counted +", "counted −"))
+    entries = " ".join(text.get_text() for text in plot_plan(plan).legends[0].get_texts())
+    assert "spare line" in entries
+    assert "second device of a pair" in entries
+    assert len(tile.rows) + 2 == len(ax.get_yticklabels())
 
 
 def test_delays_of_more_than_one_step_are_written_in_the_cells(het_study: Feasibility) -> None:
@@ -93,7 +130,9 @@ def test_colour_scale_is_logarithmic_from_lowest_to_highest_conductance(het_stud
     assert (cells.norm.vmin, cells.norm.vmax) == pytest.approx((1e-6, 1e-4))
     assert cells.norm(1e-5) == pytest.approx(0.5)
     (bar,) = ax.child_axes
-    assert [text.get_text() for text in bar.get_yticklabels()] == ["1 uS", "3.16 uS", "10 uS", "31.6 uS", "100 uS"]
+    assert [text.get_text() for text in bar.get_yticklabels()] == [
+        "1 uS, W 0.01", "3.16 uS, W 0.032", "10 uS, W 0.1", "31.6 uS, W 0.32", "100 uS, W 1"
+    ]  # fmt: skip
 
 
 def test_plot_draws_into_the_given_axes(het_study: Feasibility) -> None:
@@ -111,7 +150,7 @@ def test_plan_shows_every_tile_with_a_legend(het_study: Feasibility) -> None:
     titles = [ax.get_title() for ax in figure.axes if ax.get_title()]
     assert [title.split(":")[0] for title in titles] == [tile.kind for tile in plan.tiles]
     entries = " ".join(text.get_text() for text in figure.legends[0].get_texts())
-    for word in ("device", "unformed", "delay", "inhibitory", "reference"):
+    for word in ("device", "unformed", "delay", "inhibitory", "reference", "driver", "sense"):
         assert word in entries
     figure.savefig("/dev/null", format="svg")
 

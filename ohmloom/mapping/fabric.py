@@ -1,0 +1,417 @@
+"""From a die to the arrays that the compiled emulation runs on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ohmloom._arrays import FloatArray, IntArray
+from ohmloom.devices import Device
+from ohmloom.devices.laws import LAWS
+from ohmloom.mapping import _fabric as f
+from ohmloom.mapping.die import UNFORMED, Die, physical_shape
+from ohmloom.mapping.hardware import DriveSpec, Hardware
+from ohmloom.mapping.plan import Plan
+from ohmloom.mapping.repair import STUCK_OFF, STUCK_ON
+from ohmloom.mapping.waveform import phase_arrays
+from ohmloom.neurocontroller.device_levels import state_of_weight
+from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, MEM_LIFETIME, PLASTIC_KINDS
+from ohmloom.neurocontroller.plain import stdp_sign
+from ohmloom.neurocontroller.rules import INPUTS, OUTPUTS
+
+TIMESTEP = 0.032  # [s], Section VIII-A
+BOLTZMANN = 8.617333262e-5  # [eV/K]
+NOT_PLASTIC = -1  # family of a tile whose devices no event moves
+MODES = {
+    "charge_metered": f.CHARGE_METERED, "current": f.CURRENT, "voltage": f.VOLTAGE, "exact_width": f.EXACT_WIDTH,
+}  # fmt: skip
+PARALLELISMS = {"cell": f.CELL, "column": f.COLUMN, "array": f.ARRAY}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cell:
+    """A crosspoint that conducts; `synapse` is None where none is placed."""
+
+    synapse: int | None
+    tile: int
+    row: int  # physical
+    column: int
+    sender: int
+    receiver: int
+    polarity: int
+    state: float
+    fixed: float | None  # conductance [S] if no event moves it
+
+
+def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> tuple[f.Fabric, IntArray, IntArray]:
+    """Arrays of a die; where each synapse, in the network's order, and each disabled cell stands in them.
+
+    `perturb` scales the charge of every event by 1 + perturb; `integrate` follows every law's own differential equation
+    even where it has a closed form.
+    """
+    from ohmloom.devices._event_kernels import CHARGE, FLUX
+    from ohmloom.devices._kernels import LAW_INDEX, flux
+    from ohmloom.mapping._cell_kernels import INTEGRATED
+
+    plan, network, hardware = die.plan, die.plan.network, die.plan.hardware
+    r, drive, n = network.readings, hardware.drive, network.neurons
+    cells = sorted(_cells(die), key=lambda c: (c.receiver, c.sender, c.tile, c.row, c.column))
+    cards = hardware.devices
+    devices = [cards[tile.kind] for tile in plan.tiles]
+    is_plastic = np.array([tile.kind in PLASTIC_KINDS for tile in plan.tiles], dtype=np.bool_)
+    parameters = _parameters(devices)
+    law = np.array([LAW_INDEX[device.law] for device in devices], dtype=np.int64)
+    g_on = np.array([float(device.conductance(1.0)) for device in devices])
+    g_off = np.array([float(device.conductance(0.0)) for device in devices])
+    reference = np.where([tile.subtracts_off for tile in plan.tiles], g_off, 0.0) if devices else np.zeros(0)
+    closed = FLUX if drive.mode == "voltage" else CHARGE
+    family = np.array(
+        [
+            NOT_PLASTIC if not plastic else INTEGRATED if integrate or LAWS[device.law].flux is None else closed
+            for plastic, device in zip(is_plastic, devices, strict=True)
+        ],
+        dtype=np.int64,
+    )
+    pulses = [pulse_of(hardware, tile.kind, has_reference=tile.subtracts_off) for tile in plan.tiles]
+
+    def coordinate(t: int, s: float) -> float:
+        return float(flux(law[t], s, parameters[t])) if family[t] == FLUX else s
+
+    wires = _wires(die, g_off, [c.tile for c in cells])
+    is_selected = drive.parallelism != "array"
+    effects = _Effects(die)
+    synapse = [c.synapse for c in cells]
+    events = np.array([1.0 if k is None else die.event_charge[k] for k in synapse])
+    threshold = np.array([drive.threshold.value if k is None else die.threshold[k] for k in synapse])
+    live = np.array([c.fixed is None for c in cells], dtype=np.bool_)
+    other = iter(range(len(plan.crosspoints), len(plan.crosspoints) + len(cells)))
+    phase, row_level, column_level = phase_arrays(drive.shape)
+    counts_half_selects = drive.mode == "voltage" and not is_selected
+    lowest = float(threshold[live].min(initial=drive.threshold.value))
+    taps = _taps(plan)
+    is_driven = drive.mode == "voltage" and drive.parallelism == "array" and isinstance(wires, f.Wires)
+    cell = np.zeros(len(cells), dtype=f.CELL_FIELDS)
+    series = _series(die, cells) if is_selected else np.zeros(len(cells))
+    for k, c in enumerate(cells):
+        point = None if c.synapse is None else plan.crosspoints[c.synapse]
+        cell[k] = (
+            c.sender, c.receiver, c.tile, c.row + _padding(plan, c.tile), c.column, taps[c.sender, c.receiver],
+            next(other) if c.synapse is None else c.synapse, c.synapse is not None, c.fixed is None, c.polarity, c.state,
+            coordinate(c.tile, c.state), c.state if point is None else point.state, 0.0 if c.fixed is None else c.fixed,
+            (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k], series[k],
+        )  # fmt: skip
+    tiles = np.zeros(len(devices), dtype=f.TILE_FIELDS)
+    for t, device in enumerate(devices):
+        tiles[t] = (
+            law[t], family[t], device.charge_scale, reference[t], g_on[t], die.tile_gain[t], pulses[t].flux,
+            pulses[t].duration, coordinate(t, 0.0), coordinate(t, 1.0), parameters[t],
+        )  # fmt: skip
+    neurons = np.zeros(n, dtype=f.NEURON_FIELDS)
+    neurons["a"], neurons["b"], neurons["y_thresh"] = (
+        _biases(die),
+        r.b * die.neuron_leak,
+        r.y_thresh * die.neuron_threshold,
+    )
+    neurons["offset"], neurons["full_scale"] = die.sense_offset, _full_scale(plan)
+    constants = np.zeros(1, dtype=f.CONSTANT_FIELDS)
+    constants[0] = (
+        MODES[drive.mode], PARALLELISMS[drive.parallelism], drive.shape.event, drive.pulse_voltage.value,
+        counts_half_selects, effects["asymmetry"], effects["metering_delay"], effects["cycle_to_cycle"],
+        die.keys.get("cycle_to_cycle", 0), effects["half_select"], effects["read_disturb"], effects["read_noise"],
+        die.keys.get("read_noise", 0), effects.bits, effects.settled, effects.decay, hardware.read.voltage.value,
+        hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain, r.high_count, r.clamp, r.carry_state,
+    )  # fmt: skip
+    starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64)
+    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps)
+    fabric = f.Fabric(
+        cells=cell, starts=starts, reads=reads, read_starts=read_starts,
+        tiles=tiles, neurons=neurons, constants=constants,
+        table=_table(plan, lowest, counts_half_selects), phase=phase, levels=np.stack([row_level, column_level], axis=1),
+        wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
+        lines=f.DrivenLines() if is_driven else f.SelectedCells(),
+    )  # fmt: skip
+    place = np.empty(len(plan.crosspoints), dtype=np.int64)
+    for k, index in enumerate(synapse):
+        if index is not None:
+            place[index] = k
+    return fabric, place, np.flatnonzero(~cell["is_synapse"])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PulseOf:
+    """One event's pulse on one kind: flux [Wb] and duration [s]; 0 where they vary from event to event."""
+
+    flux: float
+    duration: float
+
+
+def pulse_of(hardware: Hardware, kind: str, *, has_reference: bool) -> PulseOf:
+    """The pulse that writes one event on a kind: as the spec says, else right at W = 0.5."""
+    drive, device = hardware.drive, hardware.devices[kind]
+    if drive.mode in ("charge_metered", "exact_width") or kind not in PLASTIC_KINDS:
+        return PulseOf(flux=0.0, duration=0.0)
+    if drive.pulse_duration is not None:
+        return PulseOf(flux=drive.pulse_voltage.value * drive.pulse_duration.value, duration=drive.pulse_duration.value)
+    s, v = state_of_weight(device, INITIAL_WEIGHT, has_reference=has_reference), drive.pulse_voltage.value
+    g = float(device.conductance(s, v))
+    if LAWS[device.law].flux is not None:
+        event = device.charge_scale / MEM_LIFETIME / float(device.conductance(s))
+        return PulseOf(flux=event, duration=event / v)
+    rate = float(LAWS[device.law].charge_rate(s, v, g * v, list(device.parameters.values())))
+    duration = device.charge_scale / MEM_LIFETIME / rate
+    return PulseOf(flux=v * duration, duration=duration)
+
+
+def pulse_area(drive: DriveSpec) -> float:
+    """Area of a pulse with its edges inside its slot, as a fraction of the rectangular one's.
+
+    Edges keep the area as long as the pulse is not cut: what the rise lacks, the tail has.
+    """
+    if drive.slot is None or drive.edge is None or drive.pulse_duration is None:
+        return 1.0
+    t, edge, slot = drive.pulse_duration.value, drive.edge.value, drive.slot.value
+    if drive.pulse_shape == "rc":
+        held = edge * (1.0 - math.exp(-min(t, slot) / edge))
+        if slot < t:
+            return (slot - held) / t
+        return 1.0 - held * math.exp(-(slot - t) / edge) / t
+    # Rise over one edge from the start, fall over one edge after the duration.
+    return (_ramp(slot, edge) - _ramp(slot - t, edge)) / t
+
+
+def _ramp(t: float, edge: float) -> float:
+    """Integral of a ramp from 0 at 0 to 1 at `edge` and on."""
+    return 0.0 if t <= 0.0 else 0.5 * t * t / edge if t < edge else t - 0.5 * edge
+
+
+class _Effects:
+    """Values of the effects that act on this die; none on the nominal one."""
+
+    def __init__(self, die: Die) -> None:
+        self._spec = None if die.seed is None else die.plan.hardware.nonidealities
+        self._hardware = die.plan.hardware
+
+    def __getitem__(self, name: str) -> float:
+        quantity = None if self._spec is None else getattr(self._spec, name)
+        return 0.0 if quantity is None else float(quantity.value)
+
+    @property
+    def bits(self) -> int:
+        if self._spec is None:
+            return 0
+        converter = self._hardware.converter
+        own = None if converter is None else converter.bits
+        return int(self["quantisation"]) if own is None else int(own.value)
+
+    @property
+    def settled(self) -> float:
+        constant = self["settling"]
+        return 1.0 if constant == 0.0 else 1.0 - math.exp(-self._hardware.read.duration.value / constant)
+
+    @property
+    def decay(self) -> float:
+        constant = self["retention"]
+        return 1.0 if constant == 0.0 else math.exp(-TIMESTEP / (constant / self._arrhenius("retention_activation")))
+
+    @property
+    def pulse_size(self) -> float:
+        """What shape and temperature leave of an event."""
+        size = pulse_area(self._hardware.drive)
+        return size if self._spec is None else size * self._arrhenius("drift_activation")
+
+    def _arrhenius(self, energy: str) -> float:
+        """How much faster a process is than at the cards' temperature."""
+        environment = self._hardware.environment
+        activation = None if environment is None else getattr(environment, energy)
+        if environment is None or activation is None:
+            return 1.0
+        cold, now = environment.card_temperature.value, environment.temperature.value
+        return math.exp(activation.value / BOLTZMANN * (1.0 / cold - 1.0 / now))
+
+
+def _parameters(devices: list[Device]) -> FloatArray:
+    parameters = np.zeros((len(devices), f.TILE_FIELDS["parameters"].shape[0]))
+    for t, device in enumerate(devices):
+        values = [device.parameters[p.name] for p in LAWS[device.law].parameters]
+        parameters[t, : len(values)] = values
+    return parameters
+
+
+def _cells(die: Die) -> list[_Cell]:
+    """Synapses, and what conducts where none is."""
+    plan, found = die.plan, []
+    array, cards = plan.hardware.array, plan.hardware.devices
+    unformed = 0.0 if array.unformed_conductance is None else array.unformed_conductance.value
+    taken = {(point.tile, point.row, point.column): point for point in plan.crosspoints}
+    for t, tile in enumerate(plan.tiles):
+        device, repair, faults = cards[tile.kind], die.repairs[t], die.faults[t]
+        g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
+        seconds = _second_devices(plan, t)
+        of_fault = {STUCK_ON: g_on, STUCK_OFF: g_off, UNFORMED: unformed}
+        is_plastic = tile.kind in PLASTIC_KINDS
+        for i, sender in enumerate(tile.rows):
+            for j, receiver in enumerate(tile.columns):
+                row, column = int(repair.rows[i]), int(repair.columns[j])
+                fault = int(faults[row, column])
+                point = taken.get((t, i, j))
+                if point is not None:
+                    polarity, state = point.polarity, float(die.state[point.synapse])
+                    fixed = of_fault.get(fault)
+                    if fixed is None and not is_plastic:
+                        fixed = float(device.conductance(state))
+                elif (i, j) in seconds:
+                    continue  # subtracted as a reference, or one of the lines' still conductances
+                else:
+                    polarity = _row_polarity(plan, sender) * tile.column_signs[j]
+                    state, fixed = 0.0, _disabled(array.disabled, fault, of_fault, unformed, g_off, is_plastic)
+                    if fixed == 0.0:
+                        continue
+                found.append(_Cell(
+                    synapse=None if point is None else point.synapse, tile=t, row=row, column=column, sender=sender,
+                    receiver=receiver, polarity=polarity, state=state, fixed=fixed,
+                ))  # fmt: skip
+    return found
+
+
+def _second_devices(plan: Plan, t: int) -> set[tuple[int, int]]:
+    """Logical crosspoints of the devices at G_off that make pairs of a tile's synapses."""
+    tile = plan.tiles[t]
+    if not tile.is_differential:
+        return set()
+    line = {pair: j for j, pair in enumerate(zip(tile.columns, tile.column_signs, strict=True))}
+    points = [point for point in plan.crosspoints if point.tile == t]
+    return {(p.row, line[tile.columns[p.column], -tile.column_signs[p.column]]) for p in points}
+
+
+def _disabled(
+    kind: str, fault: int, of_fault: dict[int, float], unformed: float, g_off: float, is_plastic: bool
+) -> float | None:
+    """Conductance of a crosspoint without a synapse, or None if it is a device that events move."""
+    if kind == "masked":
+        return 0.0
+    if fault == STUCK_ON:
+        return of_fault[STUCK_ON]
+    if kind == "unformed":
+        return unformed
+    return of_fault.get(fault, None if is_plastic else g_off)
+
+
+def _row_polarity(plan: Plan, sender: int) -> int:
+    return int(plan.network.sign(sender)) if plan.hardware.array.signs == "row_polarity" else 1
+
+
+def _taps(plan: Plan) -> IntArray:
+    """Steps from a sender's spike to its arrival, axes (sender, receiver), for pairs without a synapse too."""
+    network, n = plan.network, plan.network.neurons
+    taps = np.ones((n, n), dtype=np.int64)
+    if network.readings.hidden_delay == "index":
+        hidden = np.arange(INPUTS, n - OUTPUTS)
+        taps[np.ix_(hidden, hidden)] = np.maximum(np.abs(hidden[:, None] - hidden[None, :]), 1)
+    return taps
+
+
+def _table(plan: Plan, lowest: float, counts_half_selects: bool) -> Any:
+    readings, drive = plan.network.readings, plan.hardware.drive
+    size = readings.last_spike + 1
+    table = np.zeros((size, size), dtype=np.int8)
+    waveform = drive.volts
+    for pre in range(size):
+        for post in range(size):
+            wanted = stdp_sign(pre, post, readings.stdp_threshold)
+            table[pre, post] = f.WANTED_UP if wanted > 0 else f.WANTED_DOWN if wanted < 0 else 0
+            if waveform.last_spike < size - 1:
+                continue  # a network without plastic synapses, whose waveform is never used
+            seen = max(abs(phase.column[post] - phase.row[pre]) for phase in waveform.phases)
+            if seen > lowest or (counts_half_selects and seen > 0.0):
+                table[pre, post] |= f.MAY_FIRE
+    return table
+
+
+def _biases(die: Die) -> FloatArray:
+    r, n = die.plan.network.readings, die.plan.network.neurons
+    is_biased = np.ones(n)
+    if not r.input_bias:
+        is_biased[:INPUTS] = 0.0
+    return r.a * is_biased * die.neuron_bias
+
+
+def _full_scale(plan: Plan) -> FloatArray:
+    """Rows that drive a receiver's bit lines, axes (neuron,)."""
+    rows = np.zeros(plan.network.neurons)
+    for tile in plan.tiles:
+        for receiver in set(tile.columns):
+            rows[receiver] += len(tile.rows)
+    return rows
+
+
+def _extent(plan: Plan) -> tuple[int, int]:
+    """Word and bit lines of the largest tile, reference column included."""
+    shapes = [physical_shape(plan, t) for t in range(len(plan.tiles))]
+    wide = [n + int(tile.has_reference) for (_, n), tile in zip(shapes, plan.tiles, strict=True)]
+    return max((m for m, _ in shapes), default=1), max(wide, default=1)
+
+
+def _padding(plan: Plan, t: int) -> int:
+    return _extent(plan)[0] - physical_shape(plan, t)[0]
+
+
+def _resistances(die: Die) -> dict[str, float]:
+    found = die.plan.hardware.wires.resistances
+    return {k: v * die.wire_resistance if k in ("r_row", "r_column") else v for k, v in found.items()}
+
+
+def _series(die: Die, cells: list[_Cell]) -> FloatArray:
+    """Resistance of the wires to each cell when it alone is selected [ohm]."""
+    wires, shapes = _resistances(die), [physical_shape(die.plan, t)[0] for t in range(len(die.plan.tiles))]
+    return np.array(
+        [
+            wires["r_driver"] + (c.column + 1) * wires["r_row"] + (shapes[c.tile] - c.row) * wires["r_column"]
+            + wires["r_sense"] for c in cells
+        ],
+        dtype=np.float64,
+    )  # fmt: skip
+
+
+def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int]) -> f.Wires | f.NoWires:
+    plan, ohm = die.plan, _resistances(die)
+    if not any(ohm.values()) or not plan.tiles:
+        return f.NoWires()
+    (m, width), tiles = _extent(plan), len(plan.tiles)
+    near, far = ohm["r_driver"] + ohm["r_row"], ohm["r_sense"] + ohm["r_column"]
+    row_neuron, column_neuron = np.full((tiles, m), -1, dtype=np.int64), np.full((tiles, width), -1, dtype=np.int64)
+    reference, still = np.full(tiles, -1, dtype=np.int64), np.zeros((tiles, m, width))
+    for t, tile in enumerate(plan.tiles):
+        (rows, columns), repair, pad = physical_shape(plan, t), die.repairs[t], _padding(plan, t)
+        row_neuron[t, pad + repair.rows] = tile.rows
+        column_neuron[t, repair.columns] = tile.columns
+        for i, j in _second_devices(plan, t):
+            still[t, pad + repair.rows[i], repair.columns[j]] = g_off[t]
+        if tile.has_reference:
+            reference[t] = columns
+            still[t, pad : pad + rows, columns] = g_off[t]
+    return f.Wires(
+        r_row=ohm["r_row"], r_column=ohm["r_column"], near=np.full(m, math.inf if near == 0.0 else 1.0 / near),
+        far=np.full(width, math.inf if far == 0.0 else 1.0 / far), open_row=np.zeros(m), open_column=np.zeros(width),
+        row_neuron=row_neuron, column_neuron=column_neuron, reference_column=reference, still=still,
+        first_cell=np.searchsorted(np.sort(tile_of_cell), np.arange(tiles + 1)).astype(np.int64),
+        of_tile=np.argsort(tile_of_cell, kind="stable").astype(np.int64),
+    )  # fmt: skip
+
+
+def _reads(die: Die, taps: IntArray) -> tuple[Any, IntArray]:
+    """What each receiver's bit lines read from every word line, and where each receiver begins."""
+    plan, found = die.plan, []
+    for t, tile in enumerate(plan.tiles):
+        repair, pad = die.repairs[t], _padding(plan, t)
+        for j, receiver in enumerate(tile.columns):
+            for i, sender in enumerate(tile.rows):
+                polarity = _row_polarity(plan, sender) * tile.column_signs[j]
+                entry = (sender, taps[sender, receiver], t, pad + repair.rows[i], repair.columns[j], polarity)
+                found.append((receiver, sender, t, entry))
+    found.sort(key=lambda one: one[:3])
+    reads = np.array([entry for *_, entry in found], dtype=f.READ_FIELDS)
+    receivers = [receiver for receiver, *_ in found]
+    return reads, np.searchsorted(receivers, np.arange(plan.network.neurons + 1)).astype(np.int64)
