@@ -13,6 +13,7 @@ from ohmloom.errors import ParameterError, shown
 from ohmloom.units import format_quantity, parse_quantity
 
 if TYPE_CHECKING:
+    from ohmloom.circuits import Netlist
     from ohmloom.fmu import Export
     from ohmloom.fmu._compile import Platforms
     from ohmloom.fmu.description import FmiVersion
@@ -48,7 +49,8 @@ def fmu_export(
         str | None,
         typer.Argument(
             metavar="[CARD|FILE|NET]",
-            help="device: a shipped card or a TOML file; crossbar: a *.netlist.json; controller, system: a *.net.json.",
+            help="device: a shipped card or a TOML file; crossbar: a *.netlist.json, or a *.net.json with --hardware; "
+            "controller, system: a *.net.json.",
         ),
     ] = None,
     *,
@@ -57,6 +59,12 @@ def fmu_export(
     platforms: PlatformsOption = "host",
     q0: Annotated[
         str | None, typer.Option(metavar="C", help="device: charge at the start. Default: where W = 0.5.")
+    ] = None,
+    hardware: Annotated[
+        str | None, typer.Option(metavar="HW", help="crossbar of a NET: a shipped spec or a TOML file.")
+    ] = None,
+    tile: Annotated[
+        str | None, typer.Option(metavar="NAME", help="crossbar of a NET: number or kind of the tile, if several.")
     ] = None,
     task: Annotated[Literal["static", "dynamic"], typer.Option(help="arena, system: the task.")] = "static",
     trial_key: Annotated[int, typer.Option(metavar="N", help="arena, system: key of the random numbers.")] = 0,
@@ -69,10 +77,14 @@ def fmu_export(
     elif source is None:
         wanted = {"device": "CARD", "crossbar": "FILE.netlist.json"}.get(kind, "NET")
         raise ParameterError(f"fmu export {kind}: expected a {wanted}, got none. Name it.")
+    if (hardware is None) != (kind != "crossbar" or (source or "").endswith(".netlist.json")):
+        got = "none" if hardware is None else hardware
+        raise ParameterError(f"--hardware: expected one for the crossbar of a NET, and for that alone, got {got}. "
+                             "Correct it.")  # fmt: skip
     if q0 is not None and kind != "device":
         raise ParameterError(f"--q0: expected a device, got {kind}. Leave it out.")
     _check_out(out, Path(source or ""))
-    written = _write(kind, source or "", out, 2 if fmi == "2" else 3, platforms, q0, task, trial_key)
+    written = _write(kind, source or "", out, 2 if fmi == "2" else 3, platforms, q0, task, trial_key, hardware, tile)
     if json_:
         print(json.dumps({"file": str(written.path), "platforms": written.platforms, "token": written.token,
                           "size": written.size}, indent=1))  # fmt: skip
@@ -82,7 +94,16 @@ def fmu_export(
 
 
 def _write(
-    kind: Kind, source: str, out: Path, fmi: FmiVersion, platforms: Platforms, q0: str | None, task: str, key: int
+    kind: Kind,
+    source: str,
+    out: Path,
+    fmi: FmiVersion,
+    platforms: Platforms,
+    q0: str | None,
+    task: str,
+    key: int,
+    hardware: str | None,
+    tile: str | None,
 ) -> Export:
     if kind == "device":
         from ohmloom.devices import Device
@@ -91,10 +112,9 @@ def _write(
         charge = None if q0 is None else parse_quantity(q0, "C", where="--q0")
         return export_device(Device.load(source), out, fmi=fmi, platforms=platforms, q0=charge)
     if kind == "crossbar":
-        from ohmloom.circuits import Netlist
         from ohmloom.fmu import export_crossbar
 
-        return export_crossbar(Netlist.load(source), out, fmi=fmi, platforms=platforms)
+        return export_crossbar(_circuit(source, hardware, tile), out, fmi=fmi, platforms=platforms)
     if kind == "arena":
         from ohmloom.fmu import export_arena
 
@@ -106,6 +126,19 @@ def _write(
     if kind == "controller":
         return export_controller(network, out, fmi=fmi, platforms=platforms)
     return export_system(network, out, fmi=fmi, platforms=platforms, task=task, trial_key=key)
+
+
+def _circuit(source: str, hardware: str | None, tile: str | None) -> Netlist:
+    if hardware is None:
+        from ohmloom.circuits import Netlist
+
+        return Netlist.load(source)
+    from ohmloom.fmu.crossbar import choose_tile, tile_circuit
+    from ohmloom.mapping import Hardware, place
+    from ohmloom.neurocontroller import Network
+
+    plan = place(Network.load(source), Hardware.load(hardware))
+    return tile_circuit(plan, choose_tile(plan, tile))
 
 
 @app.command("check")

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ohmloom.circuits import MemristorCrossbar, Netlist, PulseTrain, memristor_netlist
 from ohmloom.circuits._topology import check_topology
-from ohmloom.circuits.elements import VoltageSource
+from ohmloom.circuits.elements import Resistor, VoltageSource
 from ohmloom.devices.emit import identifier
-from ohmloom.errors import expect_type
+from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.fmu._compile import Platforms
 from ohmloom.fmu._netlist_code import analyse, netlist_description
 from ohmloom.fmu._netlist_model import law_text, netlist_model
 from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import FmiVersion
 from ohmloom.fmu.discrete import LICENCE, runtime_file
+from ohmloom.mapping.grid import PARTNER, REFERENCE, SYNAPSE, tile_grid
+from ohmloom.mapping.plan import Plan
 
 
 def export_crossbar(
@@ -75,6 +78,58 @@ def export_crossbar(
         LICENCE,
     ]
     return build(path, description, model, paragraphs, fmi=fmi, platforms=platforms)
+
+
+def tile_circuit(plan: Plan, tile: int) -> Netlist:
+    """A tile of a plan as a crossbar of its devices at the start of a trial, with the spec's wires.
+
+    Synapses are devices of the tile's card at their states; partners, references and what is present without a synapse
+    devices at s = 0; unformed crosspoints resistors; masked ones are left out.
+    """
+    grid = tile_grid(plan, tile)
+    made, wires = plan.tiles[tile], plan.hardware.wires.resistances
+    states = {point.synapse: point.state for point in plan.crosspoints}
+    s, kind = np.zeros(grid.conductance.shape), np.full(grid.conductance.shape, -1)
+    unformed = {}
+    is_present = plan.hardware.array.disabled == "present"
+    for (i, j), cell in np.ndenumerate(grid.cell):
+        if grid.conductance[i, j] > 0.0:
+            if cell in (SYNAPSE, PARTNER, REFERENCE) or is_present:
+                kind[i, j] = 0
+                s[i, j] = states[int(grid.synapse[i, j])] if cell == SYNAPSE else 0.0
+            else:
+                unformed[i, j] = float(grid.conductance[i, j])
+    array = MemristorCrossbar(devices=plan.hardware.devices[made.kind], s=s, kind=kind, r_row=wires["r_row"],
+                              r_column=wires["r_column"], r_driver=wires["r_driver"],
+                              r_sense=wires["r_sense"])  # fmt: skip
+    netlist = _written_out(array)
+    rows, columns = (f"row_{{0}}{'_{1}' if array.r_row else ''}", f"column_{'{0}_' if array.r_column else ''}{{1}}")
+    cells = [
+        Resistor(name=f"N_{i}_{j}", p=rows.format(i, j), n=columns.format(i, j), resistance=1.0 / g)
+        for (i, j), g in unformed.items()
+    ]
+    return replace(netlist, elements=(*netlist.elements, *cells))
+
+
+def choose_tile(plan: Plan, name: str | None) -> int:
+    """Index of the tile that `name` is the index or the kind of; of the only one if it is None.
+
+    Raises
+    ------
+    UnknownNameError, ParameterError
+        If there is none, or several; names all.
+    """
+    if name is None and len(plan.tiles) == 1:
+        return 0
+    listed = ", ".join(f"{k} ({tile.name})" for k, tile in enumerate(plan.tiles))
+    if name is None:
+        raise ParameterError(f"tile: expected one of {listed}, got none. Name its number or its kind.")
+    found = [k for k, tile in enumerate(plan.tiles) if name in (str(k), tile.kind, tile.name)]
+    if not found:
+        raise UnknownNameError.of("tile", name, [str(k) for k in range(len(plan.tiles))] + [t.kind for t in plan.tiles])
+    if len(found) > 1:
+        raise ParameterError(f"tile: expected one of {listed}, got {name!r}, which is several. Name its number.")
+    return found[0]
 
 
 def _written_out(array: MemristorCrossbar) -> Netlist:

@@ -83,10 +83,10 @@ class _Held(Waveform):
 
 
 def simulate_hosted(netlist: Netlist, devices: Sequence[HostedDevice], *, t_end: float, step: float) -> NetlistTrace:
-    """Follow a netlist with hosted devices in it, explicitly: each holds its current for a step.
+    """Follow a netlist with hosted devices, explicitly: each sees its voltage, and holds its current, for a step.
 
-    The error falls with the step. A device whose current follows its voltage at once needs nodes whose voltage capacitors
-    and sources hold, since otherwise its own current would set it.
+    The error falls with the step. A device whose current follows its voltage at once needs nodes whose voltage is held
+    by capacitors and sources, since otherwise its own current would set it.
 
     Parameters
     ----------

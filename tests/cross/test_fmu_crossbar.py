@@ -1,5 +1,8 @@
 """Crossbars and netlists as flattened FMUs: what `circuits` computes, what device FMUs compute, what SciPy computes."""
 
+import subprocess
+import sys
+
 import fmpy
 import numpy as np
 import pytest
@@ -18,8 +21,12 @@ from ohmloom.circuits import (
     memristor_netlist,
 )
 from ohmloom.devices import Device
-from ohmloom.errors import ParameterError
+from ohmloom.errors import ParameterError, UnknownNameError
 from ohmloom.fmu import check, export_crossbar, export_device
+from ohmloom.fmu.crossbar import choose_tile, tile_circuit
+from ohmloom.mapping import Hardware, place
+from ohmloom.mapping.grid import tile_crossbar
+from ohmloom.neurocontroller import champion
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:fmpy")
 HP = Device.load("hp_tio2_10k")
@@ -196,6 +203,20 @@ def test_every_client_runs_it(series, files):
         assert "pathsim" in {row.client for row in found.rows if row.status == "passed"}
 
 
+def test_fmutool_finds_no_error(files):
+    for fmi, name in ((2, "wires"), (3, "ends")):
+        words = [
+            sys.executable,
+            "-m",
+            "fmu_manipulation_toolbox.cli.fmutool",
+            "-input",
+            str(files(name, fmi)),
+            "-check",
+        ]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert f"No semantic error against the FMI-{fmi} standard." in done.stdout + done.stderr
+
+
 def test_a_netlist_that_is_a_crossbar_is_named_like_one(tmp_path):
     array = ARRAYS["wires"]
     train = PulseTrain.rectangular(np.ones((1, 4)), columns=4, width=1e-5, edge=1e-6, period=2e-5)
@@ -203,6 +224,24 @@ def test_a_netlist_that_is_a_crossbar_is_named_like_one(tmp_path):
     file = export_crossbar(Netlist.load(tmp_path / "x.netlist.json"), tmp_path / "x.fmu").path
     names = {v.name for v in fmpy.read_model_description(str(file)).modelVariables}
     assert {"v_row_0", "v_row_3", "v_column_3", "i_column_3", "q_3_3", "q0_3_3"} <= names
+
+
+@pytest.mark.parametrize(("system", "spec"), [("HP", "hp_passive"), ("HET", "het_mixed")])
+def test_a_tile_of_a_plan_reads_as_its_crossbar(tmp_path, master, system, spec):
+    plan = place(champion(system), Hardware.load(spec))
+    tile = len(plan.tiles) - 1
+    one = master(export_crossbar(tile_circuit(plan, tile), tmp_path / "tile.fmu").path)
+    array = tile_crossbar(plan, tile)
+    volts = 1e-3 * np.arange(1.0, array.shape[0] + 1.0)
+    one.set(**{f"v_row_{i}": v for i, v in enumerate(volts)})
+    found = one.get(*(f"i_column_{j}" for j in range(array.shape[1])))
+    np.testing.assert_allclose(found, array.read(volts).current, rtol=1e-9)
+    assert choose_tile(plan, plan.tiles[tile].kind) == choose_tile(plan, str(tile)) == tile
+    with pytest.raises(UnknownNameError, match=r"^tile: "):
+        choose_tile(plan, "none")
+    if len(plan.tiles) > 1:
+        with pytest.raises(ParameterError, match=rf"^tile: expected one of 0 \(.*, {tile} \(.*, got none"):
+            choose_tile(plan, None)
 
 
 def test_large_arrays_are_loops(files, tmp_path, monkeypatch):

@@ -1,5 +1,8 @@
 """Controller, arena and closed loop as FMUs: spike for spike and step for step what `run_trial` does."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
@@ -122,6 +125,15 @@ def test_every_client_runs_a_controller(files, fmi):
 def test_descriptions_have_no_problem(files):
     for file in (controller_file(files, "champion", 2), controller_file(files, "champion", 3), arena_file(files)):
         assert validate_fmu(str(file)) == []
+
+
+def test_fmutool_finds_no_error(files):
+    for file in (controller_file(files, "champion", 2), controller_file(files, "champion", 3), arena_file(files)):
+        words = [sys.executable, "-m", "fmu_manipulation_toolbox.cli.fmutool", "-input", str(file), "-check"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert (
+            f"No semantic error against the FMI-{3 if '3' in file.name else 2} standard." in done.stdout + done.stderr
+        )
 
 
 def test_dependencies_say_what_a_step_needs(files, master):
