@@ -74,7 +74,7 @@ def inputs(v_row, v_column):
 
 
 @pytest.mark.parametrize(("name", "fmi", "amplitude", "h"), [
-    ("wires", 2, 1.0, H), ("ends", 3, 1.0, H), ("mixed", 2, 0.5, 1e-4),
+    ("wires", 2, 1.0, H), ("ends", 3, 1.0, H), ("mixed", 3, 0.5, 1e-4),
 ])  # fmt: skip
 def test_a_crossbar_is_that_of_circuits(files, name, fmi, amplitude, h):
     array = ARRAYS[name]
@@ -155,7 +155,7 @@ def test_derivatives_are_those_of_differences(files, master, name, amplitude):
 
 
 def test_a_resting_device_has_no_rate(files, master):
-    one = master(files("ideal", 3), q0_0_0=HP.charge_scale, **inputs(np.ones(4), np.zeros(4)))
+    one = master(files("ideal"), q0_0_0=HP.charge_scale, **inputs(np.ones(4), np.zeros(4)))
     refs = [one.variables[n].valueReference for n in ("der(q_0_0)", "der(q_0_1)")]
     slopes = one.fmu.getDirectionalDerivative(refs, [one.variables["v_row_0"].valueReference], [1.0])
     assert slopes[0] == 0.0

@@ -164,9 +164,12 @@ static int solve(const double *p, const double *c, const double *u, const double
         return 0;
     solve_factored(w, w->b);
     memcpy(w->v, w->b, sizeof(double) * (size_t)N_FREE);
+    if (IS_OHMIC) {
+        for (k = 0; k < N_DEVICES; k++)
+            w->current[k] = w->slope[k] * across(w->v, k);
+        return 1;
+    }
     left = unbalance(p, c, u, x, w, w->v);
-    if (IS_OHMIC)
-        return isfinite(left);
     memcpy(w->trial, w->v, sizeof(double) * (size_t)N_ALL);
     for (round = 0; round < MOST_ROUNDS; round++) {
         double share = 1.0, found = left;
