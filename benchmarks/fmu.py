@@ -1,11 +1,14 @@
 """FMUs: size, time of export, error against the closed form, steps per second in a C loop and through FMPy.
 
+`python benchmarks/fmu.py Dahlquist.fmu` times that Reference FMU (FMI 2.0, not shipped here) beside them.
+
 The model is the paper's HP device, normalised, at 0.8 V from q = 0: (1 - q)^2 = 1 - 1.6 t until q = 0.99.
 """
 
 from __future__ import annotations
 
 import subprocess
+import sys
 import tempfile
 import time
 import zipfile
@@ -50,6 +53,10 @@ int main(void)
 def main() -> None:
     """Print the table."""
     device = Device.load("hp_tio2_paper")
+    if len(sys.argv) > 1:
+        path = Path(sys.argv[1])
+        rate = 1.0 / stepped([path], "", ["x"], STEPS)
+        print(f"{path.name}, a model with an output x to compare with: {rate / 1e3:.0f}k steps/s through FMPy")
     print(f"FMPy {fmpy.__version__}; set, step and get in each step")
     print("FMI   size   export  error, free  error, at the wall  arrival, ME    C loop     FMPy")
     with tempfile.TemporaryDirectory() as folder:

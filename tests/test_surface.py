@@ -31,7 +31,7 @@ SURFACE = {
     ],
     "ohmloom.sim": [
         "Agreement", "Arena", "Controller", "Divergence", "Evolution", "EvolutionSettings", "Feasibility", "Figure",
-        "OpenSettings", "Trial", "agreement", "evolve", "feasibility", "run_trial",
+        "OpenSettings", "Score", "Trial", "TrialArena", "agreement", "evolve", "feasibility", "run_trial",
     ],
 }  # fmt: skip
 

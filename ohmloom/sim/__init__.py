@@ -5,7 +5,7 @@ from ohmloom.sim.arena import Arena
 from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, evolve
 from ohmloom.sim.feasibility import Feasibility, feasibility
 from ohmloom.sim.figures import Figure
-from ohmloom.sim.trial import Controller, Trial, run_trial
+from ohmloom.sim.trial import Controller, Score, Trial, TrialArena, run_trial
 
 __all__ = [
     "Agreement",
@@ -17,7 +17,9 @@ __all__ = [
     "Feasibility",
     "Figure",
     "OpenSettings",
+    "Score",
     "Trial",
+    "TrialArena",
     "agreement",
     "evolve",
     "feasibility",

@@ -94,6 +94,18 @@ def test_a_crossbar_is_that_of_circuits(files, name, fmi, amplitude, h):
     assert np.abs(wanted.s[-1] - wanted.s[0]).max() > 0.01
 
 
+def test_devices_that_saturate_are_those_of_circuits(files):
+    array = ARRAYS["wires"]
+    v_row, v_column = lines((4, 4), 1.0)
+    t = 0.05 * np.arange(21)
+    wanted = array.simulate(t, np.tile(v_row, (t.size, 1)), np.tile(v_column, (t.size, 1)), tolerance=1e-12)
+    found = fmpy.simulate_fmu(str(files("wires")), fmi_type="CoSimulation", stop_time=1.0, step_size=0.05,
+                              output_interval=0.05, relative_tolerance=1e-12, start_values=inputs(v_row, v_column))  # fmt: skip
+    s = np.array([[found[f"q_{i}_{j}"] for j in range(4)] for i in range(4)]).transpose(2, 0, 1) / HP.charge_scale
+    np.testing.assert_allclose(s, wanted.s, rtol=0, atol=SAME)
+    assert np.isin(wanted.s[-1], (0.0, 1.0)).sum() > 8
+
+
 def test_without_wires_it_is_as_many_device_fmus(files, tmp_path, master):
     array = ARRAYS["ideal"]
     v_row, v_column = lines((4, 4), 1.0)

@@ -612,7 +612,9 @@ static int differentiate(Instance *m, const unsigned int *unknowns, size_t n_unk
 #endif
 
 /* What follows takes no time, but most of the library's room. */
-#if defined(__GNUC__) && !defined(__clang__)
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((minsize)), apply_to = function)
+#elif defined(__GNUC__)
 #pragma GCC optimize("Os")
 #endif
 
@@ -1342,4 +1344,8 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 duration, fm
     *reached = status ? time : time + duration;
     return STATUS(status);
 }
+#endif
+
+#if defined(__clang__)
+#pragma clang attribute pop
 #endif
