@@ -100,7 +100,8 @@ def test_devices_that_saturate_are_those_of_circuits(files):
     t = 0.05 * np.arange(21)
     wanted = array.simulate(t, np.tile(v_row, (t.size, 1)), np.tile(v_column, (t.size, 1)), tolerance=1e-12)
     found = fmpy.simulate_fmu(str(files("wires")), fmi_type="CoSimulation", stop_time=1.0, step_size=0.05,
-                              output_interval=0.05, relative_tolerance=1e-12, start_values=inputs(v_row, v_column))  # fmt: skip
+                              relative_tolerance=1e-12, output_interval=0.05,
+                              start_values=inputs(v_row, v_column))  # fmt: skip
     s = np.array([[found[f"q_{i}_{j}"] for j in range(4)] for i in range(4)]).transpose(2, 0, 1) / HP.charge_scale
     np.testing.assert_allclose(s, wanted.s, rtol=0, atol=SAME)
     assert np.isin(wanted.s[-1], (0.0, 1.0)).sum() > 8
@@ -109,7 +110,7 @@ def test_devices_that_saturate_are_those_of_circuits(files):
 def test_without_wires_it_is_as_many_device_fmus(files, tmp_path, master):
     array = ARRAYS["ideal"]
     v_row, v_column = lines((4, 4), 1.0)
-    one = master(files("ideal"), **inputs(v_row, v_column))
+    one = master(files("ideal", 3), **inputs(v_row, v_column))
     card = export_device(HP, tmp_path / "hp.fmu").path
     devices = {(i, j): master(card, q0=array.s[i, j] * HP.charge_scale, v=v_row[i] - v_column[j])
                for i, j in np.ndindex(4, 4)}  # fmt: skip
@@ -125,7 +126,7 @@ def test_without_wires_it_is_as_many_device_fmus(files, tmp_path, master):
 
 def test_dependencies_are_exact(files, master):
     def needs(name):
-        d = master(files(name)).d
+        d = master(files(name, 3 if name == "ideal" else 2)).d
         return {u.variable.name: None if u.dependencies is None else {v.name for v in u.dependencies}
                 for u in [*d.outputs, *d.derivatives]}  # fmt: skip
 
@@ -136,7 +137,7 @@ def test_dependencies_are_exact(files, master):
     assert needs("wires")["der(q_1_2)"] is None  # everything
 
 
-@pytest.mark.parametrize(("name", "amplitude"), [("ends", 1.0), ("mixed", 0.5)])
+@pytest.mark.parametrize(("name", "amplitude"), [("ends", 1.0), ("mixed", 0.5), ("ideal", 1.0)])
 def test_derivatives_are_those_of_differences(files, master, name, amplitude):
     array, file = ARRAYS[name], files(name, 3)
     volts = inputs(*lines(array.s.shape, amplitude))
@@ -167,7 +168,7 @@ def test_derivatives_are_those_of_differences(files, master, name, amplitude):
 
 
 def test_a_resting_device_has_no_rate(files, master):
-    one = master(files("ideal"), q0_0_0=HP.charge_scale, **inputs(np.ones(4), np.zeros(4)))
+    one = master(files("ideal", 3), q0_0_0=HP.charge_scale, **inputs(np.ones(4), np.zeros(4)))
     refs = [one.variables[n].valueReference for n in ("der(q_0_0)", "der(q_0_1)")]
     slopes = one.fmu.getDirectionalDerivative(refs, [one.variables["v_row_0"].valueReference], [1.0])
     assert slopes[0] == 0.0
@@ -285,4 +286,4 @@ def test_other_netlists_are_refused(tmp_path, elements, text):
 
 def test_values_that_cannot_be_are_refused(files, master):
     with pytest.raises(Exception, match="ExitInitializationMode"):
-        master(files("ideal"), q0_0_0=2.0 * HP.charge_scale)
+        master(files("ideal", 3), q0_0_0=2.0 * HP.charge_scale)
