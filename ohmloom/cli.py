@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 import typer
 
 from ohmloom import __version__
+from ohmloom._cli_check import check_network
 from ohmloom._cli_circuit import app as circuit_app
 from ohmloom._cli_device import app as device_app
 from ohmloom._cli_fmu import app as fmu_app
@@ -157,6 +158,7 @@ def evolve(
 
 
 app.command("map")(map_network)
+app.command("check")(check_network)
 
 
 @app.command()

@@ -70,7 +70,7 @@ def place_at(pulses: Any, cell: Any, now: Any, tile: Any, state: float) -> None:
 @inlined_kernel
 def event_size(cell: Any, now: Any, constants: Any, sign: int) -> float:
     """Size of the next event of a cell, 1 nominally."""
-    size = cell["factor"] * (1.0 + sign * constants["asymmetry"])
+    size: float = cell["factor"] * (1.0 + sign * constants["asymmetry"])
     if constants["cycle_to_cycle"] > 0.0:
         noise = normal(constants["cycle_key"], cell["number"], now["pulses"])
         size *= max(1.0 + constants["cycle_to_cycle"] * noise, 0.0)
@@ -256,7 +256,8 @@ def move_closed(now: Any, tile: Any, constants: Any, v: float, size: float) -> f
     before = ideal_conductance(tile["law"], now["s"], tile["parameters"])
     count_events(now, tile, v / constants["pulse_voltage"] * size)
     after = ideal_conductance(tile["law"], now["s"], tile["parameters"])
-    return 0.5 * (before + after) * abs(v) * tile["duration"] * abs(size)
+    charge: float = 0.5 * (before + after) * abs(v) * tile["duration"] * abs(size)
+    return charge
 
 
 def _move_closed(pulses: Any, now: Any, tile: Any, constants: Any, v: float, size: float) -> float:

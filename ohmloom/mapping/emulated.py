@@ -16,6 +16,7 @@ from ohmloom.mapping.ledger import Ledger
 from ohmloom.mapping.plan import Plan
 from ohmloom.neurocontroller.controller import ACTIONS, checked_sensors
 from ohmloom.neurocontroller.device_levels import state_of_weight
+from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP
 
 
 class EmulatedController:
@@ -29,6 +30,9 @@ class EmulatedController:
         Relative error of every event's charge; 0 is right. For tests that must notice a wrong charge.
     integrate
         Follow every law's own differential equation, even where it has a closed form. For tests of these forms.
+    as_wired
+        Solve the potentials of the lines even where they have no resistance. Changes nothing but the time it takes; for
+        comparisons that shall run the very code that wires run.
 
     Raises
     ------
@@ -46,7 +50,7 @@ class EmulatedController:
     True
     """
 
-    def __init__(self, die: Die, *, perturb: float = 0.0, integrate: bool = False) -> None:
+    def __init__(self, die: Die, *, perturb: float = 0.0, integrate: bool = False, as_wired: bool = False) -> None:
         from ohmloom.circuits._crossbar_kernels import SCRATCH
         from ohmloom.mapping import _kernels
         from ohmloom.mapping.fabric import build_fabric
@@ -58,7 +62,9 @@ class EmulatedController:
                                  "Use 0.001 or so.")  # fmt: skip
         self.die = die
         self._kernels = _kernels
-        self._fabric, self._order, self._disabled = build_fabric(die, perturb=perturb, integrate=integrate)
+        self._fabric, self._order, self._disabled = build_fabric(
+            die, perturb=perturb, integrate=integrate, as_wired=as_wired
+        )
         self._is_wired = isinstance(self._fabric.wires, Wires)
         columns = max((len(tile.columns) + tile.spare_columns for tile in die.plan.tiles), default=1)
         self._state = empty_state(self._fabric, slots=self._longest_tap() + 1, columns=columns, scratch=SCRATCH)
@@ -81,9 +87,14 @@ class EmulatedController:
             If the potentials of the wires do not converge.
         """
         values = checked_sensors("EmulatedController.step", sensors)
-        action = self._kernels.timestep(self._fabric, self._state, values, self._counts)
+        from ohmloom.neurocontroller._kernels import classify
+
+        self._kernels.begin_timestep(self._fabric, self._state)
+        self._counts[:] = 0
+        self._kernels.run_steps(self._fabric, self._state, values, self._counts, STEPS_PER_TIMESTEP)
         self.check_solved()
-        return ACTIONS[action]
+        left, right = self._counts[-2:]
+        return ACTIONS[classify(left, right, int(self._fabric.constants[0]["high_count"]))]
 
     def spikes(self, sensors: Sequence[float] | FloatArray) -> npt.NDArray[np.bool_]:
         """One single step; which neurons spiked, axes (neuron,). For comparisons step by step."""
@@ -111,8 +122,8 @@ class EmulatedController:
 
     @property
     def kernel_arguments(self) -> tuple[Any, Any]:
-        """Die and state for a kernel that runs a whole trial."""
-        return self._fabric, self._state
+        """Die and state for a kernel that runs a whole trial; None, None where wires take far longer than the calls."""
+        return (None, None) if self._is_wired else (self._fabric, self._state)
 
     @property
     def output_spikes(self) -> IntArray:

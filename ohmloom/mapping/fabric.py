@@ -46,11 +46,13 @@ class _Cell:
     fixed: float | None  # conductance [S] if no event moves it
 
 
-def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> tuple[f.Fabric, IntArray, IntArray]:
+def build_fabric(
+    die: Die, *, perturb: float = 0.0, integrate: bool = False, as_wired: bool = False
+) -> tuple[f.Fabric, IntArray, IntArray]:
     """Arrays of a die; where each synapse, in the network's order, and each disabled cell stands in them.
 
     `perturb` scales the charge of every event by 1 + perturb; `integrate` follows every law's own differential equation
-    even where it has a closed form.
+    even where it has a closed form; `as_wired` solves the potentials of lines even where they have no resistance.
     """
     from ohmloom.devices._event_kernels import CHARGE, FLUX
     from ohmloom.devices._kernels import LAW_INDEX, flux
@@ -80,7 +82,7 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
     def coordinate(t: int, s: float) -> float:
         return float(flux(law[t], s, parameters[t])) if family[t] == FLUX else s
 
-    wires = _wires(die, g_off, [c.tile for c in cells])
+    wires = _wires(die, g_off, [c.tile for c in cells], as_wired=as_wired)
     is_selected = drive.parallelism != "array"
     effects = _Effects(die)
     synapse = [c.synapse for c in cells]
@@ -92,7 +94,7 @@ def build_fabric(die: Die, *, perturb: float = 0.0, integrate: bool = False) -> 
     counts_half_selects = drive.mode == "voltage" and not is_selected
     lowest = float(threshold[live].min(initial=drive.threshold.value))
     taps = _taps(plan)
-    is_driven = drive.mode == "voltage" and drive.parallelism == "array" and isinstance(wires, f.Wires)
+    is_driven = drive.mode == "voltage" and not is_selected and isinstance(wires, f.Wires)
     cell = np.zeros(len(cells), dtype=f.CELL_FIELDS)
     series = _series(die, cells) if is_selected else np.zeros(len(cells))
     for k, c in enumerate(cells):
@@ -375,9 +377,9 @@ def _series(die: Die, cells: list[_Cell]) -> FloatArray:
     )  # fmt: skip
 
 
-def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int]) -> f.Wires | f.NoWires:
+def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int], *, as_wired: bool) -> f.Wires | f.NoWires:
     plan, ohm = die.plan, _resistances(die)
-    if not any(ohm.values()) or not plan.tiles:
+    if not (any(ohm.values()) or as_wired) or not plan.tiles:
         return f.NoWires()
     (m, width), tiles = _extent(plan), len(plan.tiles)
     near, far = ohm["r_driver"] + ohm["r_row"], ohm["r_sense"] + ohm["r_column"]

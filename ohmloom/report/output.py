@@ -10,10 +10,11 @@ from ohmloom.errors import ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.report.replay import FORMATS, Recording, replay
-from ohmloom.sim import Arena, Feasibility, Trial, run_trial
+from ohmloom.sim import Arena, Check, Feasibility, Trial, run_trial
 from ohmloom.sim.feasibility import start_key
 from ohmloom.sim.trial import draw_trial_key
 
+CHECK_FILES = ("check.json", "divergence.png")
 STUDY_FILES = ("report.html", "report.json", "plan.json")
 
 
@@ -26,6 +27,16 @@ def save_study(study: Feasibility, out: Path, *, command: str) -> list[Path]:
     study.plan.save(paths[2])
     study.save(paths[1])
     write_report(study, paths[0], command=command)
+    return paths
+
+
+def save_check(check: Check, out: Path) -> list[Path]:
+    """Write ``check.json`` and ``divergence.png`` to a folder; their paths."""
+    from ohmloom.report.check_plot import save_check_picture
+
+    paths = [out / name for name in CHECK_FILES]
+    check.save(paths[0])
+    save_check_picture(check, paths[1])
     return paths
 
 

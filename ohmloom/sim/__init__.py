@@ -2,6 +2,7 @@
 
 from ohmloom.sim.agreement import Agreement, Divergence, agreement
 from ohmloom.sim.arena import Arena
+from ohmloom.sim.check import Check, Scheme, check
 from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, evolve
 from ohmloom.sim.feasibility import Feasibility, feasibility
 from ohmloom.sim.figures import Figure
@@ -10,6 +11,7 @@ from ohmloom.sim.trial import Controller, Score, Trial, TrialArena, run_trial
 __all__ = [
     "Agreement",
     "Arena",
+    "Check",
     "Controller",
     "Divergence",
     "Evolution",
@@ -17,10 +19,12 @@ __all__ = [
     "Feasibility",
     "Figure",
     "OpenSettings",
+    "Scheme",
     "Score",
     "Trial",
     "TrialArena",
     "agreement",
+    "check",
     "evolve",
     "feasibility",
     "run_trial",

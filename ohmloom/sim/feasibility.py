@@ -13,29 +13,26 @@ import numpy as np
 from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
 from ohmloom.errors import FileFormatError, expect_integer
-from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, event_table, place
-from ohmloom.neurocontroller import LATTICES, Network, SpikingController
-from ohmloom.neurocontroller.kinds import charge_levels, reads_with_reference
-from ohmloom.neurocontroller.plain import stdp_sign
+from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, place
+from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
+from ohmloom.sim.exactness import Case, exact_box
 from ohmloom.sim.statistics import Success, paired_success
 from ohmloom.sim.trial import Trial, run_trial
 
 START_STREAM = 100  # beside the streams of ohmloom.mapping.die.EFFECTS
-LATTICE_TOLERANCE = 1e-12
 # Each of these has the margin of another figure: the power, and the endurance.
 OTHER_FORMS = ("energy_per_timestep", "pulses_per_device")
 NOT_MODELLED = (
-    "wire resistance, IR drop and sneak paths",
-    "line capacitance and settling",
-    "read noise and converters",
-    "stuck devices, forming and repair",
-    "half-select and read disturb below the threshold",
-    "retention and temperature",
-    "spread of neurons (threshold, leak, bias, offset)",
-    "energy and area of drivers, meters and routing",
+    "sneak paths while lines float: idle lines are held at 0 V",
+    "cells on a shared line that are programmed at the same instant, beyond their own wires",
+    "capacitance of lines but for a settling time, and crosstalk",
+    "self-heating, and temperature beyond one factor on drift and retention",
+    "random telegraph noise and its spectra",
+    "disabled devices with spreads of their own",
+    "routing, clock and control logic",
 )
 
 
@@ -179,7 +176,8 @@ def feasibility(
         arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
     plan = place(network, hardware)
     check = agreement(network, hardware, arena=arena, die=plan.nominal(), trial_key=start_key(seed, 0))
-    exactness, not_applicable = _exactness(plan, check)
+    # By closed forms: `check` follows the differential equations too.
+    exactness, not_applicable = exact_box(Case(plan=plan, trial_key=start_key(seed, 0), arena=arena))
     sampled = _sample(plan, arena, dies, seed, progress)
     found = _figures(plan, check, sampled)
     verdict, reasons = _verdict(found, exactness)
@@ -252,6 +250,8 @@ def _figures(plan: Plan, check: Agreement, sampled: _Sampled) -> tuple[f.Figure,
             hardware, sum(one.lost for one in counted), sum(one.spurious for one in counted),
             sum(one.ideal_events for one in counted), len(sampled.ledgers),
         ),
+        f.read_error(hardware, plan),
+        f.wake_up(hardware, check.disabled_weights),
         f.useful_event_range(hardware, plan),
         f.time_per_step(hardware, ledgers),
         f.programming_power(hardware, ledgers),
@@ -261,48 +261,6 @@ def _figures(plan: Plan, check: Agreement, sampled: _Sampled) -> tuple[f.Figure,
         f.closed_loop_success(hardware, sampled.success),
     )  # fmt: skip
     return tuple(f.capped_by_cards(figure, plan) for figure in found)
-
-
-def _exactness(plan: Plan, check: Agreement) -> tuple[dict[str, bool], dict[str, str]]:
-    """What must hold before a figure means anything, on the spec's own cards."""
-    readings, drive = plan.network.readings, plan.hardware.drive
-    kinds = [tile.kind for tile in plan.tiles if tile.kind in LATTICES]
-    exact: dict[str, bool] = {}
-    skipped: dict[str, str] = {}
-    if kinds:
-        table = event_table(drive.volts, drive.threshold.value)
-        exact["rule_table"] = all(
-            table[pre][post] == stdp_sign(pre, post, readings.stdp_threshold)
-            for pre in range(len(table)) for post in range(len(table))
-        )  # fmt: skip
-    else:
-        skipped |= {"rule_table": "no plastic synapse", "lattice": "no plastic synapse"}
-    other = [kind for kind in kinds if not _is_paper_ratio(plan.hardware, kind)]
-    if other:
-        reason = f"the cards of {', '.join(other)} are not of ratio 100, so their weights are not the paper's"
-        skipped |= {"lattice": reason, "network_charge": reason}
-    else:
-        if kinds:
-            exact["lattice"] = all(_lattice_error(plan.hardware, kind) <= LATTICE_TOLERANCE for kind in kinds)
-        exact["network_charge"] = check.exact
-    return exact, skipped
-
-
-def _is_paper_ratio(hardware: Hardware, kind: str) -> bool:
-    device = hardware.devices[kind]
-    ratio = float(device.conductance(1.0) / device.conductance(0.0))
-    return reads_with_reference(kind) or abs(ratio - 100.0) < 1e-6
-
-
-def _lattice_error(hardware: Hardware, kind: str) -> float:
-    """Largest difference between a card's weight and the integer lattice's, over all its levels."""
-    lattice, device = LATTICES[kind], hardware.devices[kind]
-    levels = charge_levels(lattice)
-    w = np.array([float(device.weight(q / lattice.top)) for q in levels])
-    if reads_with_reference(kind):
-        w_off, w_on = float(device.weight(0.0)), float(device.weight(1.0))
-        w = (w - w_off) / (w_on - w_off)
-    return float(np.abs(w - [lattice.weight(q) for q in levels]).max())
 
 
 def _verdict(found: tuple[f.Figure, ...], exactness: Mapping[str, bool]) -> tuple[str, tuple[str, ...]]:

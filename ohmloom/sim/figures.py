@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ohmloom._arrays import FloatArray
 from ohmloom.devices import Device
 from ohmloom.mapping import Hardware, Ledger, Plan, Quantity
 from ohmloom.mapping.quantity import ASSUMED as ASSUMED_SOURCE
@@ -22,6 +23,8 @@ TIMESTEP = 0.032  # Section VIII-A
 STEP_BUDGET = TIMESTEP / STEPS_PER_TIMESTEP
 EVENT_FIDELITY_LIMIT = 0.001
 NON_INFERIORITY = -0.05
+READ_ERROR_LIMIT = 0.01
+WAKE_UP_LIMIT = 0.05  # of full scale: half of what one disabled device in ten would add to a column
 USEFUL_RANGE = 0.9  # of W, Section V: "90% of the total range of W within 90 STDP steps"
 DESIGN_SOURCE = "ohmloom's criterion"
 PARALLELISM = {
@@ -238,6 +241,37 @@ def endurance(hardware: Hardware, ledgers: Mapping[str, Ledger]) -> Figure:
         "endurance", lambda at: at["endurance.pulses"] / max(ledger.most_pulses, 1), "trials",
         hardware.limits.endurance, inputs, detail, low_is_good=False,
     )  # fmt: skip
+
+
+def read_error(hardware: Hardware, plan: Plan) -> Figure:
+    """Worst share of the read voltage that a device does not see, with all rows driven and every plastic device at G_on."""
+    found = {tile.name: tile.read_error.built for tile in plan.tiles if tile.read_error is not None}
+    worst = max(found, key=lambda name: found[name]) if found else None
+    own = hardware.limits.read_error
+    limit = Quantity(value=READ_ERROR_LIMIT, source=DESIGN_SOURCE) if own is None else own
+    inputs = {f"wires.{name}": q for name in ("r_row", "r_column") if (q := getattr(hardware.wires, name)).value > 0.0}
+    nominal = 0.0 if worst is None else found[worst]
+
+    def value(at: Mapping[str, float]) -> float:
+        # Of first order the error goes with the resistance, and it never exceeds 1.
+        scale = sum(at.values()) / sum(q.value for q in inputs.values()) if inputs else 1.0
+        return nominal * scale / (1.0 - nominal + nominal * scale)
+
+    detail = "no device, or no wire resistance, so nothing drops." if nominal == 0.0 else (
+        f"IR drop at the worst crosspoint of the tile {worst}, all rows read at once and every plastic device at G_on."
+    )  # fmt: skip
+    return _figure("read_error", value, "1", limit, inputs, detail, low_is_good=True)
+
+
+def wake_up(hardware: Hardware, disabled_weights: FloatArray) -> Figure:
+    """Mean weight that devices at crosspoints without a synapse have at the end of a trial."""
+    own = hardware.limits.wake_up
+    limit = Quantity(value=WAKE_UP_LIMIT, source=DESIGN_SOURCE) if own is None else own
+    value = float(disabled_weights.mean()) if disabled_weights.size else 0.0
+    what = hardware.array.disabled
+    detail = (f"{disabled_weights.size} disabled devices that are {what} conduct with a mean W of {value:.3g} after a trial."
+              if disabled_weights.size else f"disabled crosspoints are {what}, so none conducts or learns.")  # fmt: skip
+    return _figure("wake_up", lambda _: value, "1", limit, {}, detail, low_is_good=True)
 
 
 def useful_events(device: Device, *, is_referenced: bool) -> float:

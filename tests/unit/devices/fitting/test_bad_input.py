@@ -117,8 +117,9 @@ QUICK_LAWS = [name for name in LAWS if name != "pickett"]
 @pytest.mark.parametrize("law", QUICK_LAWS)
 def test_an_extreme_sweep_fits_or_is_refused_without_nan(loop, law, tmp_path):
     """1e5 V for 1e9 s with 1 fA among others; warnings from numpy are errors in tests."""
+    few = Measurement(name="x", t=loop.t[::4], v=loop.v[::4], i=loop.i[::4])
     for v, t, i in EXTREMES[::2]:
-        extreme = Measurement(name="x", t=loop.t * t, v=loop.v * v, i=loop.i / np.abs(loop.i).max() * i)
+        extreme = Measurement(name="x", t=few.t * t, v=few.v * v, i=few.i / np.abs(few.i).max() * i)
         try:
             found = fit(extreme, law, rng=np.random.default_rng(0), screen=5, starts=1)
         except OhmloomError as error:
