@@ -1,4 +1,6 @@
-"""Device FMUs: size, time of export, error against the closed form, steps per second in a C loop and through FMPy.
+"""FMUs: size, time of export, error against the closed form, steps per second in a C loop and through FMPy.
+
+`python benchmarks/fmu.py Dahlquist.fmu` times that Reference FMU (FMI 2.0, not shipped here) beside them.
 
 The model is the paper's HP device, normalised, at 0.8 V from q = 0: (1 - q)^2 = 1 - 1.6 t until q = 0.99.
 """
@@ -6,6 +8,7 @@ The model is the paper's HP device, normalised, at 0.8 V from q = 0: (1 - q)^2 =
 from __future__ import annotations
 
 import subprocess
+import sys
 import tempfile
 import time
 import zipfile
@@ -16,9 +19,11 @@ import fmpy
 import numpy as np
 from fmpy.simulation import instantiate_fmu
 
+from ohmloom.circuits import MemristorCrossbar
 from ohmloom.devices import Device
-from ohmloom.fmu import export_device
+from ohmloom.fmu import export_arena, export_controller, export_crossbar, export_device, export_system
 from ohmloom.fmu.build import HEADERS
+from ohmloom.neurocontroller import champion
 
 STEPS = 200_000  # through FMPy; 20 times as many in C
 LOOP = """#include <stdio.h>
@@ -48,6 +53,10 @@ int main(void)
 def main() -> None:
     """Print the table."""
     device = Device.load("hp_tio2_paper")
+    if len(sys.argv) > 1:
+        path = Path(sys.argv[1])
+        rate = 1.0 / stepped([path], "", ["x"], STEPS)
+        print(f"{path.name}, a model with an output x to compare with: {rate / 1e3:.0f}k steps/s through FMPy")
     print(f"FMPy {fmpy.__version__}; set, step and get in each step")
     print("FMI   size   export  error, free  error, at the wall  arrival, ME    C loop     FMPy")
     with tempfile.TemporaryDirectory() as folder:
@@ -60,7 +69,69 @@ def main() -> None:
             c, python = in_c(file, fmi, Path(folder) / f"c{fmi}"), through_fmpy(file)
             print(f"{fmi}.0 {size / 1000:5.1f}kB {export:6.2f}s {free:12.1e} {wall:18.1e} {arrival(file):12.7f}s "
                   f"{c / 1e6:6.2f}M/s {python / 1e3:6.0f}k/s")  # fmt: skip
-    print(f"exact arrival {(1 - 0.01**2) / 1.6:.7f}s")
+        print(f"exact arrival {(1 - 0.01**2) / 1.6:.7f}s")
+        crossbars(Path(folder))
+        discrete(Path(folder))
+
+
+def crossbars(folder: Path) -> None:
+    """Export of arrays with wires, and a step of 16 x 16 devices without, as one FMU and as 256."""
+    hp = Device.load("hp_tio2_10k")
+    rng = np.random.default_rng(1)
+    print("crossbar     size   export   step")
+    for n in (4, 16, 64):
+        array = MemristorCrossbar(devices=hp, s=rng.uniform(0.2, 0.8, (n, n)), r_row=1.0, r_column=1.0)
+        begin = time.perf_counter()
+        written = export_crossbar(array, folder / f"x{n}.fmu")
+        export = time.perf_counter() - begin
+        spent = stepped([written.path], "v_row_0", ["i_column_0"], 100 if n < 64 else 2)
+        print(f"{n:2} x {n:2} {written.size / 1000:8.1f}kB {export:6.2f}s {1e6 * spent:8.0f}us")
+    flat = export_crossbar(MemristorCrossbar(devices=hp, s=np.full((16, 16), 0.5)), folder / "flat.fmu").path
+    one = stepped([flat], "v_row_0", [f"i_column_{j}" for j in range(16)], 1000)
+    many = stepped([export_device(hp, folder / "hp.fmu").path] * 256, "v", ["i"], 20)
+    print(f"16 x 16 without wires, through FMPy: one FMU {1e6 * one:.0f}us a step, 256 device FMUs {1e6 * many:.0f}us, "
+          f"{many / one:.0f} times as long")  # fmt: skip
+
+
+def discrete(folder: Path) -> None:
+    """Controller, arena and loop: size, and a timestep through FMPy."""
+    network = champion("HET")
+    files = {
+        "controller": (export_controller(network, folder / "c.fmu"), "light_2", ["action"]),
+        "arena": (export_arena("dynamic", folder / "a.fmu"), "", ["x", "y"]),
+        "loop": (export_system(network, folder / "l.fmu", task="dynamic"), "", ["x", "y", "heading"]),
+    }
+    print("discrete      size  timestep")
+    for name, (written, given, got) in files.items():
+        spent = stepped([written.path], given, got, 2000, 0.032)
+        print(f"{name:10} {written.size / 1000:5.1f}kB {1e6 * spent:8.1f}us")
+
+
+def stepped(paths: list[Path], given: str, got: list[str], count: int, h: float = 1e-4) -> float:
+    """CPU time in s of a step of all FMUs through FMPy: set, step, get."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmpy.extract(str(paths[0]), folder)
+        description = fmpy.read_model_description(folder)
+        references = {v.name: v.valueReference for v in description.modelVariables}
+        fmus = [instantiate_fmu(folder, description, "CoSimulation") for _ in paths]
+        for fmu in fmus:
+            fmu.setupExperiment(startTime=0.0)
+            fmu.enterInitializationMode()
+            fmu.exitInitializationMode()
+        into, out = [references[given]] if given else [], [references[name] for name in got]
+        is_real = next(v for v in description.modelVariables if v.name == got[0]).type == "Real"
+        begin = time.process_time()
+        for k in range(count):
+            for fmu in fmus:
+                if into:
+                    fmu.setReal(into, [0.3 if k % 20 < 10 else 0.0])
+                fmu.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
+                (fmu.getReal if is_real else fmu.getInteger)(out)
+        spent = time.process_time() - begin
+        for fmu in fmus:
+            fmu.terminate()
+            fmu.freeInstance()
+    return spent / count
 
 
 def errors(file: Path) -> tuple[float, float]:

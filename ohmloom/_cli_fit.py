@@ -115,6 +115,9 @@ def device_compare(
     weights: options.Weights = "relative",
     screen: options.Screen = 300,
     starts: options.Starts = 3,
+    reference: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="FMU with v in and i out, as it is, beside the laws.")
+    ] = None,
     seed: SeedOption = 0,
     out: Annotated[
         Path | None, typer.Option(help="Folder for LAW.toml (each law's card), comparison.json, .png and .pdf.")
@@ -137,6 +140,7 @@ def device_compare(
         _check_law("--laws", law)
     sweeps, held_out = _read(reading, files, holdout or ())
     _check_out(out, comparison_files(chosen), [*files, *(holdout or ())])
+    errors = {} if reference is None else _reference(reference, (*sweeps, *held_out))
     text = f"fitting {len(chosen)} laws to {_count(sweeps)}, {screen} random starts each, seed {seed}"
     with _progress(chosen, () if json_ else (*sweeps, *held_out), text) as report, options.named_as_options():
         found = compare(
@@ -149,11 +153,22 @@ def device_compare(
             "ranking": [row.model_dump() for row in found.ranking], "by_holdout": list(found.by_holdout),
             "fits": {law: _fit_table(one) for law, one in found.fits.items()}, "seed": seed,
             "files": [str(path) for path in paths],
+            **({} if reference is None else {"reference": {"file": str(reference), "relative_rms": errors}}),
         })  # fmt: skip
         return
     print(found.summary())
+    for name, error in errors.items():
+        print(f"{reference} beside {name}: relative RMS {100.0 * error:.3g} %")
     for path in paths:
         print(path)
+
+
+def _reference(file: Path, sweeps: Sequence[Measurement]) -> dict[str, float]:
+    """Relative RMS of an FMU's current by sweep."""
+    from ohmloom.fmu import Host, reference_errors
+
+    with Host(file) as host:
+        return dict(reference_errors(host, sweeps))
 
 
 def _check_law(option: str, law: str) -> None:

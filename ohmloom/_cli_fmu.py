@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,10 +12,16 @@ from ohmloom._terminal import check_folder, check_targets, say
 from ohmloom.errors import ParameterError, shown
 from ohmloom.units import format_quantity, parse_quantity
 
+if TYPE_CHECKING:
+    from ohmloom.circuits import Netlist
+    from ohmloom.fmu import Export
+    from ohmloom.fmu._compile import Platforms
+    from ohmloom.fmu.description import FmiVersion
+
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="FMUs: export models, check and run any FMU.")
 
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="FMU (*.fmu).")]
-OutOption = Annotated[Path, typer.Option(help="FILE.fmu, the FMU.")]
+OutOption = Annotated[Path, typer.Option(help="FILE.fmu; of a system also FILE.ssp.")]
 FmiOption = Annotated[Literal["2", "3"], typer.Option("--fmi", help="Version of FMI: 2.0 or 3.0.")]
 PlatformsOption = Annotated[
     Literal["host", "all"],
@@ -24,38 +30,115 @@ PlatformsOption = Annotated[
 StartOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--start-values", metavar="NAME=VALUE", help="Of a parameter or an input, in its own unit; repeat it."
+        "--start-values",
+        metavar="NAME VALUE",
+        help="Of parameters and inputs, in their own units: NAME=VALUE, repeated, or NAME VALUE ... as in FMPy.",
     ),
 ]
 TimeoutOption = Annotated[float, typer.Option(min=0.001, metavar="S", help="Longest time of a process.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 
 
+Kind = Literal["device", "crossbar", "controller", "arena", "system"]
+
+
 @app.command("export")
 def fmu_export(
-    kind: Annotated[Literal["device"], typer.Argument(metavar="device", help="What to export.")],
-    card: Annotated[
-        str, typer.Argument(metavar="CARD", help="Shipped card or a TOML file; see 'ohmloom device list'.")
-    ],
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="device, crossbar, controller, arena or system.")],
+    source: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[CARD|FILE|NET]",
+            help="device: a shipped card or a TOML file; crossbar: a *.netlist.json, or a *.net.json with --hardware; "
+            "controller, system: a *.net.json.",
+        ),
+    ] = None,
+    *,
     out: OutOption,
     fmi: FmiOption = "2",
     platforms: PlatformsOption = "host",
-    q0: Annotated[str | None, typer.Option(metavar="C", help="Charge at the start. Default: where W = 0.5.")] = None,
+    q0: Annotated[
+        str | None, typer.Option(metavar="C", help="device: charge at the start. Default: where W = 0.5.")
+    ] = None,
+    hardware: Annotated[
+        str | None, typer.Option(metavar="HW", help="crossbar of a NET: a shipped spec or a TOML file.")
+    ] = None,
+    tile: Annotated[
+        str | None, typer.Option(metavar="NAME", help="crossbar of a NET: number or kind of the tile, if several.")
+    ] = None,
+    task: Annotated[Literal["static", "dynamic"], typer.Option(help="arena, system: the task.")] = "static",
+    trial_key: Annotated[int, typer.Option(metavar="N", help="arena, system: key of the random numbers.")] = 0,
     json_: JsonOption = False,
 ) -> None:
-    """Write a memristor as an FMU: v in; i, q, memristance and weight out; the card's parameters tunable."""
-    from ohmloom.devices import Device
-    from ohmloom.fmu import export_device
-
-    _check_out(out, Path(card))
-    charge = None if q0 is None else parse_quantity(q0, "C", where="--q0")
-    written = export_device(Device.load(card), out, fmi=2 if fmi == "2" else 3, platforms=platforms, q0=charge)
+    """Write an FMU, or for a system an SSP file: a memristor, a circuit, a controller, its arena, or both as a loop."""
+    if kind == "arena":
+        if source is not None:
+            raise ParameterError(f"fmu export arena: expected no file, got {shown(source)}. Leave it out.")
+    elif source is None:
+        wanted = {"device": "CARD", "crossbar": "FILE.netlist.json"}.get(kind, "NET")
+        raise ParameterError(f"fmu export {kind}: expected a {wanted}, got none. Name it.")
+    if (hardware is None) != (kind != "crossbar" or (source or "").endswith(".netlist.json")):
+        got = "none" if hardware is None else hardware
+        raise ParameterError(f"--hardware: expected one for the crossbar of a NET, and for that alone, got {got}. "
+                             "Correct it.")  # fmt: skip
+    if q0 is not None and kind != "device":
+        raise ParameterError(f"--q0: expected a device, got {kind}. Leave it out.")
+    _check_out(out, Path(source or ""))
+    written = _write(kind, source or "", out, 2 if fmi == "2" else 3, platforms, q0, task, trial_key, hardware, tile)
     if json_:
         print(json.dumps({"file": str(written.path), "platforms": written.platforms, "token": written.token,
                           "size": written.size}, indent=1))  # fmt: skip
         return
     inside = ", ".join(written.platforms) or "no library: no C compiler was found, the sources are inside"
     print(f"{written.path} ({written.size / 1000:.1f} kB; {inside})")
+
+
+def _write(
+    kind: Kind,
+    source: str,
+    out: Path,
+    fmi: FmiVersion,
+    platforms: Platforms,
+    q0: str | None,
+    task: str,
+    key: int,
+    hardware: str | None,
+    tile: str | None,
+) -> Export:
+    if kind == "device":
+        from ohmloom.devices import Device
+        from ohmloom.fmu import export_device
+
+        charge = None if q0 is None else parse_quantity(q0, "C", where="--q0")
+        return export_device(Device.load(source), out, fmi=fmi, platforms=platforms, q0=charge)
+    if kind == "crossbar":
+        from ohmloom.fmu import export_crossbar
+
+        return export_crossbar(_circuit(source, hardware, tile), out, fmi=fmi, platforms=platforms)
+    if kind == "arena":
+        from ohmloom.fmu import export_arena
+
+        return export_arena(task, out, fmi=fmi, platforms=platforms, trial_key=key)
+    from ohmloom.fmu import export_controller, export_system
+    from ohmloom.neurocontroller import Network
+
+    network = Network.load(source)
+    if kind == "controller":
+        return export_controller(network, out, fmi=fmi, platforms=platforms)
+    return export_system(network, out, fmi=fmi, platforms=platforms, task=task, trial_key=key)
+
+
+def _circuit(source: str, hardware: str | None, tile: str | None) -> Netlist:
+    if hardware is None:
+        from ohmloom.circuits import Netlist
+
+        return Netlist.load(source)
+    from ohmloom.fmu.crossbar import choose_tile, tile_circuit
+    from ohmloom.mapping import Hardware, place
+    from ohmloom.neurocontroller import Network
+
+    plan = place(Network.load(source), Hardware.load(hardware))
+    return tile_circuit(plan, choose_tile(plan, tile))
 
 
 @app.command("check")
@@ -99,17 +182,27 @@ def fmu_run(
     json_: JsonOption = False,
 ) -> None:
     """Run an FMU in a process of its own, with the options of FMPy's 'simulate'."""
-    from ohmloom.fmu import run
+    from ohmloom.fmu import run, run_ssp
 
     if output_file is not None:
         check_folder(output_file.parent)
         check_targets([output_file], [path for path in (file, input_file) if path is not None])
-    trace = run(
-        file, stop_time=_seconds(stop_time, "--stop-time"), step_size=_seconds(step_size, "--step-size"),
-        output_interval=_seconds(output_interval, "--output-interval"), start_values=_pairs(start_values),
-        interface=interface_type, tolerance=relative_tolerance, outputs=output_variables, timeout=timeout,
-        inputs=None if input_file is None else _columns(input_file),
-    )  # fmt: skip
+    if file.suffix == ".ssp":
+        others = {"--interface-type": interface_type, "--output-interval": output_interval,
+                  "--relative-tolerance": relative_tolerance, "--input-file": input_file,
+                  "--output-variables": output_variables}  # fmt: skip
+        given = [name for name, value in others.items() if value is not None]
+        if given:
+            raise ParameterError(f"{given[0]}: expected an FMU, got the system {file}. Leave it out.")
+        trace = run_ssp(file, stop_time=_seconds(stop_time, "--stop-time"), timeout=timeout,
+                        step_size=_seconds(step_size, "--step-size"), start_values=_pairs(start_values))  # fmt: skip
+    else:
+        trace = run(
+            file, stop_time=_seconds(stop_time, "--stop-time"), step_size=_seconds(step_size, "--step-size"),
+            output_interval=_seconds(output_interval, "--output-interval"), start_values=_pairs(start_values),
+            interface=interface_type, tolerance=relative_tolerance, outputs=output_variables, timeout=timeout,
+            inputs=None if input_file is None else _columns(input_file),
+        )  # fmt: skip
     if output_file is not None:
         trace.write_csv(output_file)
     ends = {
@@ -136,6 +229,36 @@ def _check_out(out: Path, source: Path) -> None:
 
 def _seconds(text: str | None, option: str) -> float | None:
     return None if text is None else parse_quantity(text, "s", where=option)
+
+
+def join_start_values(words: list[str]) -> list[str]:
+    """Turn FMPy's ``--start-values NAME VALUE ...`` into options of one NAME=VALUE each.
+
+    >>> join_start_values(["run", "--start-values", "v", "0.8", "q0", "0", "hp.fmu"])
+    ['run', '--start-values', 'v=0.8', '--start-values', 'q0=0', 'hp.fmu']
+    """
+    joined: list[str] = []
+    k = 0
+    while k < len(words):
+        if words[k] == "--start-values" and _is_pair(words[k + 1 : k + 3]):
+            k += 1
+            while _is_pair(words[k : k + 2]):
+                joined += ["--start-values", f"{words[k]}={words[k + 1]}"]
+                k += 2
+        else:
+            joined.append(words[k])
+            k += 1
+    return joined
+
+
+def _is_pair(words: list[str]) -> bool:
+    if len(words) < 2 or "=" in words[0] or words[0].startswith("--"):
+        return False
+    try:
+        float(words[1])
+    except ValueError:
+        return False
+    return True
 
 
 def _pairs(words: list[str] | None) -> dict[str, float]:

@@ -20,6 +20,7 @@ from ohmloom._cli_check import check_network
 from ohmloom._cli_circuit import app as circuit_app
 from ohmloom._cli_device import app as device_app
 from ohmloom._cli_fmu import app as fmu_app
+from ohmloom._cli_fmu import join_start_values
 from ohmloom._cli_map import map_network
 from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
@@ -51,6 +52,8 @@ def main(arguments: list[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     verbose = "--verbose" in words
     words = [word for word in words if word != "--verbose"]
+    if words[:1] == ["fmu"]:
+        words = join_start_values(words)
     try:
         code = app(words, standalone_mode=False)
         sys.stdout.flush()

@@ -20,7 +20,11 @@ SURFACE = {
         "LAWS", "CardValue", "Comparison", "DataFile", "Device", "Fit", "Law", "Measurement", "Parameter", "Revisit",
         "Trace", "charge_revisit", "compare", "fit",
     ],
-    "ohmloom.fmu": ["Check", "CheckRow", "Export", "FmuTrace", "check", "export_device", "run"],
+    "ohmloom.fmu": [
+        "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "HostedDevice", "check",
+        "export_arena", "export_controller", "export_crossbar", "export_device", "export_system", "reference_errors",
+        "run", "run_ssp", "simulate_hosted",
+    ],
     "ohmloom.mapping": [
         "WAVEFORMS", "Cost", "CostLine", "Crosspoint", "Die", "EmulatedController", "Grid", "Hardware", "Ledger",
         "Plan", "Quantity", "ReadErrors", "ResetPlan", "Schedule", "Slot", "Tile", "Waveform", "event_table",
@@ -32,8 +36,9 @@ SURFACE = {
         "SpikingController", "Synapse", "champion", "mutate",
     ],
     "ohmloom.sim": [
-        "Agreement", "Arena", "Controller", "Divergence", "Evolution", "EvolutionSettings", "Feasibility", "Figure",
-        "OpenSettings", "Trial", "agreement", "evolve", "feasibility", "run_trial",
+        "Agreement", "Arena", "Check", "Controller", "Divergence", "Evolution", "EvolutionSettings",
+        "Feasibility", "Figure", "OpenSettings", "Scheme", "Score", "Trial", "TrialArena", "agreement", "check",
+        "evolve", "feasibility", "run_trial",
     ],
 }  # fmt: skip
 

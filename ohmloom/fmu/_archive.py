@@ -93,7 +93,7 @@ def open_archive(path: Path | str) -> Archive:
     try:
         with zipfile.ZipFile(path) as file:
             entries = file.infolist()
-            _check_entries(path, entries)
+            check_entries(path, entries)
             if "modelDescription.xml" not in file.namelist():
                 raise FileFormatError(f"{path}: expected modelDescription.xml inside, got no such entry. "
                                       "Check that this is an FMU.")  # fmt: skip
@@ -110,7 +110,15 @@ def open_archive(path: Path | str) -> Archive:
     return Archive(path=path, fmi=fmi, interfaces=interfaces, names=tuple(entry.filename for entry in entries))
 
 
-def _check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
+def check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
+    """Refuse a zip file that would do harm when it is unpacked.
+
+    Raises
+    ------
+    FileFormatError
+        If it is a bomb, or an entry leads out of its folder, is a link, is encrypted or stands there twice.
+    """
+
     def refuse(rule: str, got: str, advice: str = "Do not use this file.") -> None:
         raise FileFormatError(f"{path}: expected {rule}, got {got}. {advice}")
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 from ohmloom.devices import LAWS, Device
 from ohmloom.devices._checks import LARGEST_VOLTAGE
 from ohmloom.devices._emit_c import emit_function
 from ohmloom.devices.emit import identifier
 from ohmloom.devices.laws._law import ORDERED
+from ohmloom.fmu._tables import variable_table
 from ohmloom.fmu.description import Description, Variable
 
 PARTIALS = {
@@ -18,7 +17,6 @@ PARTIALS = {
     "charge_rate_by_v": "svi",
     "charge_rate_by_i": "svi",
 }
-ROLES = {"parameter": "TUNABLE", "start": "FIXED", "input": "INPUT"}
 
 
 def device_description(device: Device, q0: float) -> Description:
@@ -82,19 +80,6 @@ def device_code(device: Device, description: Description) -> dict[str, str]:
     text = _MODEL.replace("@variables@", variable_table(description)).replace("@checks@", "\n".join(checks))
     text = text.replace("@partials@", "\n".join(partials)).replace("law_", f"{name}_").replace("@n_p@", str(n + 1))
     return {"law.c": device.emit("c"), "model.c": text.replace("@q0@", str(n))}
-
-
-def variable_table(description: Description) -> str:
-    """The C array `variables`; time first."""
-    lines = ['    {"time", TIME, 0.0, 0.0, 0.0},']
-    for v in description.variables:
-        low, high = (_number(x) if v.is_given else "0.0" for x in (v.low, v.high))
-        lines.append(f'    {{"{v.name}", {ROLES.get(v.kind, "CALCULATED")}, {float(v.start)!r}, {low}, {high}}},')
-    return "\n".join(["static const Variable variables[] = {", *lines, "};"])
-
-
-def _number(x: float) -> str:
-    return repr(float(x)) if math.isfinite(x) else "-INFINITY" if x < 0 else "INFINITY"
 
 
 def _dependencies(device: Device) -> dict[str, tuple[str, ...]]:

@@ -108,15 +108,15 @@ def simulate(question: Question, logged: list[str]) -> Answer:
 def state(question: Question, logged: list[str]) -> Answer:
     """Save in the middle, go on; restore in a second instance, go on: the same bits."""
     description = _description(question)
-    outputs = [v for v in description.modelVariables if v.causality == "output" and v.type in ("Real", "Float64")]
-    references, h = [v.valueReference for v in outputs], question["step_size"]
+    outputs = _outputs(description)
+    h = question["step_size"]
     first, second = (_prepared(question, description, logged) for _ in range(2))
     is_two = description.fmiVersion.startswith("2")
 
     def go_on(fmu: Any, begin: int) -> list[float]:
         for k in range(begin, begin + SHORT):
             fmu.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
-        return list(fmu.getReal(references) if is_two else fmu.getFloat64(references))
+        return [float(getattr(fmu, f"get{v.type}")([v.valueReference])[0]) for v in outputs]
 
     go_on(first, 0)
     if is_two:
@@ -162,42 +162,50 @@ def _prepared(question: Question, description: Any, logged: list[str]) -> Any:
     return fmu
 
 
-def _chosen(question: Question, description: Any) -> tuple[list[Any], list[tuple[int, float]]]:
-    """The float outputs, and (reference, value) of the start values."""
+TYPES = ("Real", "Integer", "Boolean", "Float64", "Int32")  # of variables, in both versions, that the probes know
+
+
+def _outputs(description: Any) -> list[Any]:
+    return [v for v in description.modelVariables if v.causality == "output" and v.type in TYPES]
+
+
+def _given(question: Question, description: Any) -> list[tuple[Any, Any]]:
+    """The variables of the start values, each with its value as its type has it."""
     by_name = {v.name: v for v in description.modelVariables}
-    outputs = [v for v in description.modelVariables if v.causality == "output" and v.type in ("Real", "Float64")]
-    given = [(by_name[name].valueReference, float(value)) for name, value in question["start_values"].items()]
-    return outputs, given
+    return [(by_name[name], _as_type(by_name[name].type, x)) for name, x in question["start_values"].items()]
+
+
+def _as_type(type_: str, x: float) -> Any:
+    return bool(x) if type_ == "Boolean" else int(x) if type_ in ("Integer", "Int32") else float(x)
 
 
 def fmuloader(question: Question, logged: list[str]) -> Answer:
     """The values of the outputs after the same steps in fmuloader."""
     description = _description(question)
-    outputs, given = _chosen(question, description)
-    references, identifier = [v.valueReference for v in outputs], description.coSimulation.modelIdentifier
+    identifier = description.coSimulation.modelIdentifier
     if description.fmiVersion.startswith("2"):
         from fmuloader.fmi2 import Fmi2Slave, Fmi2Type
 
         slave = Fmi2Slave(question["folder"], model_identifier=identifier)
         slave.instantiate("probe", Fmi2Type.CO_SIMULATION, guid=description.guid)
         slave.setup_experiment(start_time=0.0)
-        put, get = slave.set_real, slave.get_real
     else:
         from fmuloader.fmi3 import Fmi3Slave
 
         slave = Fmi3Slave(question["folder"], model_identifier=identifier)
         slave.instantiate_co_simulation("probe", instantiation_token=description.guid)
-        put, get = slave.set_float64, slave.get_float64
-    for reference, value in given:
-        put([reference], [value])
+    for variable, value in _given(question, description):
+        getattr(slave, f"set_{variable.type.lower()}")([variable.valueReference], [value])
     slave.enter_initialization_mode()
     slave.exit_initialization_mode()
     for k in range(SHORT):
         slave.do_step(k * question["step_size"], question["step_size"])
-    values = get(references)
+    values = {
+        v.name: float(getattr(slave, f"get_{v.type.lower()}")([v.valueReference])[0]) for v in _outputs(description)
+    }
     slave.terminate()
     slave.free_instance()
-    return {"values": {v.name: value for v, value in zip(outputs, values, strict=True)}}
+    return {"values": values}
 
 
 def libcosimpy(question: Question, logged: list[str]) -> Answer:
@@ -206,17 +214,20 @@ def libcosimpy(question: Question, logged: list[str]) -> Answer:
     from libcosimpy.CosimObserver import CosimObserver
     from libcosimpy.CosimSlave import CosimLocalSlave
 
-    outputs, given = _chosen(question, _description(question))
+    description = _description(question)
     execution = CosimExecution.from_step_size(round(question["step_size"] * 1e9))  # ns
     slave = execution.add_local_slave(CosimLocalSlave(question["file"], "probe"))
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    for reference, value in given:
-        execution.real_initial_value(slave, reference, value)
+    for variable, value in _given(question, description):
+        getattr(execution, f"{variable.type.lower()}_initial_value")(slave, variable.valueReference, value)
     if not execution.step(SHORT):
         raise RuntimeError("libcosim could not take a step")
-    values = observer.last_real_values(slave, [v.valueReference for v in outputs])
-    return {"values": {v.name: value for v, value in zip(outputs, values, strict=True)}}
+    values = {
+        v.name: float(getattr(observer, f"last_{v.type.lower()}_values")(slave, [v.valueReference])[0])
+        for v in _outputs(description)
+    }
+    return {"values": values}
 
 
 def pathsim(question: Question, logged: list[str]) -> Answer:
@@ -235,7 +246,7 @@ def pathsim(question: Question, logged: list[str]) -> Answer:
     simulation = Simulation([block, *held], wires, dt=question["step_size"], log=False, Solver=RKDP54,
                             tolerance_lte_rel=1e-10, tolerance_lte_abs=1e-12)  # fmt: skip
     simulation.run(SHORT * question["step_size"])
-    outputs, _ = _chosen(question, description)
+    outputs = [v for v in _outputs(description) if v.type in ("Real", "Float64")]
     values = block.outputs.to_array().tolist()
     return {"values": {v.name: value for v, value in zip(outputs, values, strict=True)}}
 

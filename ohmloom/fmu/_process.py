@@ -63,7 +63,7 @@ def run_probe(
             raise OperationError(f"{archive.path}: expected {what} to end, got a crash ({name}) inside the FMU. "
                                  "Ask its maker.")  # fmt: skip
         if child.returncode or not (place / "answer.json").exists():
-            raise OperationError(f"{archive.path}: expected {what} to end, got {_last_line(place / 'errors.txt')}. "
+            raise OperationError(f"{archive.path}: expected {what} to end, got {last_line(place / 'errors.txt')}. "
                                  "Ask the FMU's maker.")  # fmt: skip
         answer: dict[str, Any] = json.loads((place / "answer.json").read_text())
     if "problem" in answer:
@@ -71,6 +71,6 @@ def run_probe(
     return answer
 
 
-def _last_line(path: Path) -> str:
+def last_line(path: Path) -> str:
     lines = path.read_text(errors="replace").strip().splitlines()
     return lines[-1][:300].rstrip(".") if lines else "an exit without a word"

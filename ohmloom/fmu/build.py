@@ -23,7 +23,7 @@ HEADERS = {
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a zip file knows
-LICENCE = """The model and its C sources (fmu.c, model.c, law.c, runtime.c): Apache-2.0, by ohmloom,
+LICENCE = """The model and its C sources: Apache-2.0, by ohmloom,
 see https://www.apache.org/licenses/LICENSE-2.0
 """
 
@@ -51,7 +51,9 @@ class Export:
     size: int
 
 
-def check_options(where: str, out: Path | str, fmi: int, platforms: str) -> Path:
+def check_options(
+    where: str, out: Path | str, fmi: int, platforms: str, *, suffixes: tuple[str, ...] = (".fmu",)
+) -> Path:
     """Refuse a bad place, version or choice of platforms before any work is done.
 
     Raises
@@ -65,8 +67,9 @@ def check_options(where: str, out: Path | str, fmi: int, platforms: str) -> Path
 
     expect_type(f"{where}: out", out, str, Path, name="a path")
     path = Path(out)
-    if path.suffix != ".fmu":
-        raise ParameterError(f"{where}: out: expected a file that ends in .fmu, got {shown(str(path))}. Rename it.")
+    if path.suffix not in suffixes:
+        raise ParameterError(f"{where}: out: expected a file that ends in {' or '.join(suffixes)}, "
+                             f"got {shown(str(path))}. Rename it.")  # fmt: skip
     if path.is_dir():
         raise ParameterError(f"{where}: out: expected a file, got the folder {path}. Use another path.")
     if isinstance(fmi, bool) or fmi not in (2, 3):
@@ -97,7 +100,7 @@ def build(
         If the compiler fails, or the file cannot be written.
     """
     sources = {name: text.encode() for name, text in model.items()}
-    sources["runtime.c"] = _runtime(fmi)
+    sources["runtime.c"] = runtime_text(fmi, is_discrete=description.timestep is not None).encode()
     token = _token(description.to_xml(fmi, ""), sources)
     sources["fmu.c"] = (
         f"/* The one file to compile, with FMI's headers on the include path: cc {' '.join(FLAGS)} -fPIC fmu.c -lm */\n"
@@ -126,22 +129,38 @@ def build(
 
 
 def archive(content: dict[str, bytes]) -> bytes:
-    """A zip file of `content`, always the same: sorted, without dates; modelDescription.xml comes first."""
+    """A zip file of `content`, always the same: sorted, without dates; the description comes first."""
+    first = ("modelDescription.xml", "SystemStructure.ssd")
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
-        for name in sorted(content, key=lambda name: (name != "modelDescription.xml", name)):
+        for name in sorted(content, key=lambda name: (name not in first, name)):
             entry = zipfile.ZipInfo(name, EPOCH)
             entry.compress_type, entry.create_system, entry.external_attr = zipfile.ZIP_DEFLATED, 3, 0o644 << 16
             file.writestr(entry, content[name])
     return buffer.getvalue()
 
 
-def _runtime(fmi: FmiVersion) -> bytes:
-    """The runtime without one of its last two sections: what the other version calls everything."""
+def runtime_text(fmi: FmiVersion, *, is_discrete: bool) -> str:
+    """The part of the runtime that a version and a kind of model need: its ``#if`` on these two are decided here."""
     text = (files("ohmloom.fmu") / "runtime" / "runtime.c").read_text(encoding="utf-8")
-    mark = "\n#if FMI_VERSION == "
-    head, *sections = text.rsplit(mark, 2)
-    return (head + mark + sections[fmi - 2]).encode()
+    answers = {f"FMI_VERSION == {version}": version == fmi for version in get_args(FmiVersion)}
+    answers |= {"MODEL_IS_DISCRETE": is_discrete, "!MODEL_IS_DISCRETE": not is_discrete}
+    # For each open #if: whether its branch is kept, or None if it is the compiler's to decide.
+    kept: list[str] = []
+    stack: list[bool | None] = []
+    for line in text.splitlines(keepends=True):
+        word, _, condition = line.strip().partition(" ")
+        if word in ("#if", "#ifdef", "#ifndef"):
+            stack.append(answers.get(condition))
+        elif word == "#else" and stack[-1] is not None:
+            stack[-1] = not stack[-1]
+            continue
+        is_ours = bool(stack) and stack[-1] is not None and word in ("#if", "#endif")
+        if word == "#endif":
+            stack.pop()
+        if not is_ours and False not in stack:
+            kept.append(line)
+    return "".join(kept)
 
 
 def _token(xml: str, sources: dict[str, bytes]) -> str:

@@ -107,7 +107,9 @@ def function_names(fmi: int, interface: str) -> list[str]:
     """The functions that a library of this version and interface must have, out of the standard's header."""
     text = (files("fmpy") / "c-code" / f"fmi{fmi}Functions.h").read_text()
     names = re.findall(rf"FMI{fmi}_Export\s+\w+TYPE\s+(\w+);", text)
-    return [name for name in names if _of(name.removeprefix(f"fmi{fmi}"), interface)]
+    # Both interfaces of FMI 3.0 have event mode, of FMI 2.0 model exchange alone.
+    others = {"EnterEventMode"} if (fmi, interface) == (2, "CoSimulation") else set()
+    return [name for name in names if _of(name.removeprefix(f"fmi{fmi}"), interface, others)]
 
 
 _MODEL_EXCHANGE = {
@@ -123,8 +125,8 @@ _CO_SIMULATION = {
 _SCHEDULED = {"InstantiateScheduledExecution", "ActivateModelPartition"}
 
 
-def _of(name: str, interface: str) -> bool:
-    others = _CO_SIMULATION if interface == "ModelExchange" else _MODEL_EXCHANGE
+def _of(name: str, interface: str, others: set[str]) -> bool:
+    others = others | (_CO_SIMULATION if interface == "ModelExchange" else _MODEL_EXCHANGE)
     return name not in others | _SCHEDULED
 
 

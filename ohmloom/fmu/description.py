@@ -12,6 +12,7 @@ from xml.sax.saxutils import escape, quoteattr
 from ohmloom.fmu._units import base_exponents
 
 FmiVersion = Literal[2, 3]
+Type = Literal["real", "integer", "boolean"]
 Kind = Literal["parameter", "start", "input", "state", "rate", "output", "indicator"]
 # The order of the runtime's table of values: a value reference is a place in it, and 0 is the time.
 KINDS: tuple[tuple[Kind, ...], ...] = (
@@ -31,15 +32,18 @@ CAUSALITY = {
     "output": ("output", "continuous"),
     "indicator": ("local", "continuous"),
 }
+TYPES3 = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
 TOLERANCE = 1e-8  # of a co-simulation step, in shares of a state's range; as in runtime.c
 
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """One variable of a continuous model.
+    """One variable of a model.
 
     Attributes
     ----------
+    type
+        Only discrete models have other than real ones.
     kind
         ``"start"`` is a parameter that is read at the start alone; ``"rate"`` the derivative of the state `state`.
     start, low, high
@@ -47,20 +51,21 @@ class Variable:
     dependencies
         Names of inputs and states that it depends on, for rates, outputs and indicators.
     initial_dependencies
-        Names of inputs and parameters that it depends on at the start, for what is calculated.
+        Names of inputs and parameters that it depends on at the start, for what is calculated. None in either: all.
     """
 
     name: str
     kind: Kind
     unit: str
     doc: str
+    type: Type = "real"
     start: float = 0.0
     low: float = -math.inf
     high: float = math.inf
     nominal: float | None = None
     state: str = ""
-    dependencies: tuple[str, ...] = ()
-    initial_dependencies: tuple[str, ...] = ()
+    dependencies: tuple[str, ...] | None = ()
+    initial_dependencies: tuple[str, ...] | None = ()
 
     @property
     def is_given(self) -> bool:
@@ -70,7 +75,15 @@ class Variable:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """A continuous model's variables, in the order of the runtime's table, and what is said of the whole."""
+    """A model's variables, in the order of the runtime's table, and what is said of the whole.
+
+    Attributes
+    ----------
+    timestep
+        In s, of a discrete model, which is for co-simulation alone; None for a continuous one.
+    has_derivatives
+        Whether the model gives directional and adjoint derivatives.
+    """
 
     name: str
     identifier: str
@@ -78,6 +91,8 @@ class Description:
     stop_time: float
     step_size: float
     variables: tuple[Variable, ...]
+    timestep: float | None = None
+    has_derivatives: bool = True
 
     def __post_init__(self) -> None:
         """Check the order."""
@@ -132,24 +147,44 @@ class _Writer:
             "variableNamingConvention": "structured",
         }
 
+    def unit_names(self) -> list[str]:
+        return list(dict.fromkeys(v.unit for v in self.d.variables if v.unit != "1"))
+
     def units(self) -> str:
-        names = dict.fromkeys(v.unit for v in self.d.variables if v.unit != "1")
+        names = self.unit_names()
+        return self.unit_definitions(names) if names else ""
+
+    def unit_definitions(self, names: Iterable[str]) -> str:
         return _tag("UnitDefinitions", [
             _tag("Unit", [_tag("BaseUnit", (), **base_exponents(unit))], name=unit) for unit in names
         ])  # fmt: skip
 
     def logs(self) -> str:
+        events = _tag("Category", name="logEvents", description="states that reach or leave a limit")
         return _tag("LogCategories", [
             _tag("Category", name="logStatusError", description="why a function failed"),
-            _tag("Category", name="logEvents", description="states that reach or leave a limit"),
+            *([] if self.d.timestep else [events]),
         ])  # fmt: skip
 
     def experiment(self) -> str:
         d = self.d
-        return _tag("DefaultExperiment", startTime=0.0, stopTime=d.stop_time, tolerance=TOLERANCE, stepSize=d.step_size)
+        return _tag("DefaultExperiment", startTime=0.0, stopTime=d.stop_time, stepSize=d.step_size,
+                    tolerance=None if d.timestep else TOLERANCE)  # fmt: skip
 
-    def real(self, v: Variable) -> Attributes:
+    def causality(self, v: Variable) -> tuple[str, str]:
+        causality, variability = CAUSALITY[v.kind]
+        return causality, "discrete" if self.d.timestep and variability == "continuous" else variability
+
+    def initial(self, v: Variable) -> str | None:
+        return None if v.kind == "input" else "exact" if v.is_given else "calculated"
+
+    def typed(self, v: Variable) -> Attributes:
         """Attributes that are spelt alike in both versions."""
+        if v.type == "boolean":
+            return {"start": bool(v.start) if v.is_given else None}
+        if v.type == "integer":
+            given = {"min": int(v.low), "max": int(v.high), "start": int(v.start)} if v.is_given else {}
+            return dict(given)
         return {
             "unit": None if v.unit == "1" else v.unit,
             "min": v.low if v.is_given and math.isfinite(v.low) else None,
@@ -159,7 +194,10 @@ class _Writer:
             "reinit": True if v.kind == "state" else None,
         }
 
-    def numbers(self, names: Iterable[str]) -> str:
+    def numbers(self, names: Iterable[str] | None) -> str | None:
+        """Value of an attribute that lists variables; left out where it would list all."""
+        if names is None:
+            return None
         return " ".join(str(number) for number in sorted(self.reference[name] for name in names))
 
     def finish(self, root: str) -> str:
@@ -182,18 +220,19 @@ class _Writer2(_Writer):
             "canNotUseMemoryManagementFunctions": True,
             "canGetAndSetFMUstate": True,
             "canSerializeFMUstate": True,
-            "providesDirectionalDerivative": True,
+            "providesDirectionalDerivative": d.has_derivatives or None,
         }
+        continuous = _tag("ModelExchange", sources, **common, completedIntegratorStepNotNeeded=True)
         root = _tag("fmiModelDescription", [
-            _tag("ModelExchange", sources, **common, completedIntegratorStepNotNeeded=True),
-            _tag("CoSimulation", sources, **common, canHandleVariableCommunicationStepSize=True),
+            *([] if d.timestep else [continuous]),
+            _tag("CoSimulation", sources, **common, canHandleVariableCommunicationStepSize=not d.timestep),
             self.units(),
             self.logs(),
             self.experiment(),
             _tag("ModelVariables", map(self.variable, self.shown)),
             _tag("ModelStructure", [
                 self.unknowns("Outputs", d.of("state", "output")),
-                self.unknowns("Derivatives", d.of("rate")),
+                *([] if d.timestep else [self.unknowns("Derivatives", d.of("rate"))]),
                 _tag("InitialUnknowns", [
                     _tag("Unknown", index=self.reference[v.name], dependencies=self.numbers(v.initial_dependencies))
                     for v in d.of("state", "rate", "output")
@@ -203,12 +242,12 @@ class _Writer2(_Writer):
         return self.finish(root)
 
     def variable(self, v: Variable) -> str:
-        causality, variability = CAUSALITY[v.kind]
+        causality, variability = self.causality(v)
         derivative = self.reference[v.state] if v.kind == "rate" else None
         return _tag(
-            "ScalarVariable", [_tag("Real", **self.real(v), derivative=derivative)], name=v.name,
+            "ScalarVariable", [_tag(v.type.capitalize(), **self.typed(v), derivative=derivative)], name=v.name,
             valueReference=self.reference[v.name], description=v.doc, causality=causality, variability=variability,
-            initial="exact" if v.kind in ("parameter", "start") else None if v.kind == "input" else "calculated",
+            initial=self.initial(v),
         )  # fmt: skip
 
     def unknowns(self, name: str, variables: Iterable[Variable]) -> str:
@@ -226,8 +265,8 @@ class _Writer3(_Writer):
             "modelIdentifier": d.identifier,
             "canGetAndSetFMUState": True,
             "canSerializeFMUState": True,
-            "providesDirectionalDerivatives": True,
-            "providesAdjointDerivatives": True,
+            "providesDirectionalDerivatives": d.has_derivatives or None,
+            "providesAdjointDerivatives": d.has_derivatives or None,
         }
         time = _tag("Float64", name="time", valueReference=0, causality="independent", variability="continuous",
                     description="simulation time", unit="s")  # fmt: skip
@@ -238,8 +277,9 @@ class _Writer3(_Writer):
             *(self.unknown("EventIndicator", v, v.dependencies) for v in d.of("indicator")),
         ]
         root = _tag("fmiModelDescription", [
-            _tag("ModelExchange", **common),
-            _tag("CoSimulation", **common, canHandleVariableCommunicationStepSize=True),
+            *([] if d.timestep else [_tag("ModelExchange", **common)]),
+            _tag("CoSimulation", **common, canHandleVariableCommunicationStepSize=not d.timestep,
+                 fixedInternalStepSize=d.timestep),
             self.units(),
             self.logs(),
             self.experiment(),
@@ -249,24 +289,17 @@ class _Writer3(_Writer):
         return self.finish(root)
 
     def units(self) -> str:
-        text = super().units()
-        second = _tag("Unit", [_tag("BaseUnit", s=1)], name="s")
-        return (
-            text
-            if any(v.unit == "s" for v in self.d.variables)
-            else text.replace("\n", f'\n  {second.splitlines()[0]}\n    <BaseUnit s="1"/>\n  </Unit>\n', 1)
-        )
+        return self.unit_definitions(dict.fromkeys(("s", *self.unit_names())))
 
     def variable(self, v: Variable) -> str:
-        causality, variability = CAUSALITY[v.kind]
+        causality, variability = self.causality(v)
         derivative = self.reference[v.state] if v.kind == "rate" else None
         return _tag(
-            "Float64", name=v.name, valueReference=self.reference[v.name], description=v.doc, causality=causality,
-            variability=variability, initial=None if v.kind == "input" else "exact" if v.is_given else "calculated",
-            **self.real(v), derivative=derivative,
+            TYPES3[v.type], name=v.name, valueReference=self.reference[v.name], description=v.doc, causality=causality,
+            variability=variability, initial=self.initial(v), **self.typed(v), derivative=derivative,
         )  # fmt: skip
 
-    def unknown(self, name: str, v: Variable, dependencies: tuple[str, ...]) -> str:
+    def unknown(self, name: str, v: Variable, dependencies: tuple[str, ...] | None) -> str:
         return _tag(name, valueReference=self.reference[v.name], dependencies=self.numbers(dependencies))
 
 

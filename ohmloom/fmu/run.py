@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Interface = Literal["CoSimulation", "ModelExchange"]
+REALS = ("Real", "Float64", "Float32")
 INTERFACES: tuple[Interface, ...] = ("CoSimulation", "ModelExchange")
 
 
@@ -132,8 +133,7 @@ def run(
     variables = {
         v["name"]: v for v in run_probe(archive, "description", {}, timeout=timeout, memory=memory)["variables"]
     }
-    for name, value in given.items():
-        _check_value(f"{archive.path}", variables, name, value)
+    given = {name: check_value(f"{archive.path}", variables, name, value) for name, value in given.items()}
     signals = None if inputs is None else _signals(f"{archive.path}", variables, inputs)
     for name in outputs or ():
         if name not in variables:
@@ -154,20 +154,33 @@ def run(
     return FmuTrace(name=archive.path.name, t=t, values=frozen)
 
 
-def _check_value(where: str, variables: dict[str, Any], name: str, value: Any) -> None:
+def check_value(where: str, variables: dict[str, Any], name: str, value: Any) -> float | int:
+    """A start value as a number, if the FMU has a variable of this name that takes it.
+
+    Raises
+    ------
+    UnknownNameError, ParameterError
+        If it has not, or the value is out of the declared range.
+    """
     if name not in variables:
         raise UnknownNameError.of(f"{where}: start values", name, variables)
     variable = variables[name]
     if variable["causality"] not in ("parameter", "input", "structuralParameter") and variable["initial"] != "exact":
         raise ParameterError(f"{where}: {name}: expected a parameter or an input, got one that is "
                              f"{variable['causality']}. Set another one.")  # fmt: skip
+    if isinstance(value, bool | int | np.integer | np.bool_):
+        value = int(value)
     number = expect_number(f"{where}: {name}", value)
+    if variable["type"] not in REALS and number != int(number):
+        raise ParameterError(f"{where}: {name}: expected a whole number, got {number:.15g}. Correct it.")
     low, high = (float(variable[key]) if variable[key] is not None else default
                  for key, default in (("min", -math.inf), ("max", math.inf)))  # fmt: skip
     if not low <= number <= high:
         raise ParameterError(
             f"{where}: {name}: expected a value from {low:g} to {high:g}, got {number:.15g}. Correct it."
         )
+    # As an integer it keeps all of its 64 bits.
+    return value if isinstance(value, int) else number
 
 
 def _signals(where: str, variables: dict[str, Any], inputs: Mapping[str, Any]) -> dict[str, list[float]]:

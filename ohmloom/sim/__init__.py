@@ -6,7 +6,7 @@ from ohmloom.sim.check import Check, Scheme, check
 from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, evolve
 from ohmloom.sim.feasibility import Feasibility, feasibility
 from ohmloom.sim.figures import Figure
-from ohmloom.sim.trial import Controller, Trial, run_trial
+from ohmloom.sim.trial import Controller, Score, Trial, TrialArena, run_trial
 
 __all__ = [
     "Agreement",
@@ -20,7 +20,9 @@ __all__ = [
     "Figure",
     "OpenSettings",
     "Scheme",
+    "Score",
     "Trial",
+    "TrialArena",
     "agreement",
     "check",
     "evolve",

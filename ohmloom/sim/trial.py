@@ -32,6 +32,42 @@ class _Driver(Controller, Protocol):
     """For the check: a class without these methods is none."""
 
 
+@runtime_checkable
+class TrialArena(Protocol):
+    """An arena that runs elsewhere, step by step: what a trial asks of it."""
+
+    task: str
+
+    def begin(self, trial_key: int, /) -> None:
+        """Place the robot for a trial with this key."""
+
+    def sense(self) -> Any:
+        """Sensors (6,), each in [0, 1]."""
+
+    def move(self, action: int, /) -> None:
+        """Carry out an action, 0 forward, 1 left, 2 right, for one timestep."""
+
+    def pose(self) -> Any:
+        """(3,): x [m], y [m], heading [rad]."""
+
+    def score(self) -> Score:
+        """How far the trial has come."""
+
+    def settings(self) -> dict[str, Any]:
+        """Plain values for the trial's provenance."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What an arena counts: as the fields of `Trial`, `st` being its `timesteps`; and whether the trial has ended."""
+
+    st: int
+    bumps: int
+    fitness: float
+    solved: bool
+    done: bool
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
     """What happened in one trial.
@@ -129,7 +165,7 @@ def draw_trial_key(rng: np.random.Generator) -> int:
 
 def run_trial(
     controller: Controller,
-    arena: Arena | None = None,
+    arena: Arena | TrialArena | None = None,
     *,
     rng: np.random.Generator | None = None,
     trial_key: int | None = None,
@@ -143,7 +179,7 @@ def run_trial(
     controller
         Any object with ``reset()`` and ``step(sensors)``; compiled controllers run in one call.
     arena
-        Where; the paper's static arena by default.
+        Where; the paper's static arena by default. One that runs elsewhere, like a hosted FMU, is a `TrialArena`.
     rng, trial_key
         Exactly one: the generator that draws the trial's 64-bit key, or that key.
     action_delay
@@ -167,7 +203,7 @@ def run_trial(
     (False, 4000)
     """
     expect_type("run_trial.controller", controller, _Driver, name="an object with reset() and step(sensors)")
-    expect_type("run_trial.arena", arena, Arena, type(None), name="an Arena or None")
+    expect_type("run_trial.arena", arena, Arena, TrialArena, type(None), name="an Arena or None")
     expect_type("run_trial.rng", rng, np.random.Generator, type(None), name="a numpy Generator or None")
     if (rng is None) == (trial_key is None):
         raise ParameterError("run_trial: expected either rng or trial_key, got both or none. Pass one of them.")
@@ -181,13 +217,14 @@ def run_trial(
     trial_key = expect_integer("run_trial.trial_key", trial_key, 0, 2**64 - 1)
     arena = arena if arena is not None else Arena.paper()
     arguments = getattr(controller, "kernel_arguments", (None, None))
-    if arguments[0] is not None and on_timestep is None:
+    if arguments[0] is not None and on_timestep is None and isinstance(arena, Arena):
         trial = _run_compiled(arguments, arena, trial_key, action_delay)
         check_solved = getattr(controller, "check_solved", None)
         if check_solved is not None:
             check_solved()
         return trial
-    return _run_plain(controller, arena, trial_key, action_delay, on_timestep)
+    place = _OwnArena(arena) if isinstance(arena, Arena) else arena
+    return _run_plain(controller, place, trial_key, action_delay, on_timestep)
 
 
 def trial_fitness(controller: Any, arena: Arena, trial_key: int) -> tuple[float, bool, int]:
@@ -235,7 +272,47 @@ def _run_compiled(arguments: Any, arena: Arena, key: int, action_delay: int) -> 
         arena.world(), robot, np.uint64(key), wiring, state, np.zeros(_neurons(wiring), dtype=np.int64),
         np.zeros(6), action_delay, True, path, st, seen, acted, spikes,
     )  # fmt: skip
-    return _trial(arena, robot, key, path[: n + 1], st[: n + 1], seen[:n], acted[:n], spikes[:n])
+    return _trial(_OwnArena(arena, robot), key, path[: n + 1], st[: n + 1], seen[:n], acted[:n], spikes[:n])
+
+
+class _OwnArena:
+    """The arena of the kernels, as a trial asks for one."""
+
+    def __init__(self, arena: Arena, robot: Any = None) -> None:
+        self._arena, self._world, self._robot = arena, arena.world(), _new_robot() if robot is None else robot
+        self._key = np.uint64(0)
+        self.task: str = arena.task
+
+    def begin(self, trial_key: int, /) -> None:
+        from ohmloom.sim import _arena_kernels
+
+        self._key = np.uint64(trial_key)
+        _arena_kernels.begin(self._world, self._robot, self._key)
+
+    def sense(self) -> FloatArray:
+        from ohmloom.sim import _arena_kernels
+
+        sensors = np.zeros(6)
+        _arena_kernels.sense(self._world, self._robot, self._key, sensors)
+        return sensors
+
+    def move(self, action: int, /) -> None:
+        from ohmloom.sim import _arena_kernels
+
+        _arena_kernels.move(self._world, self._robot, self._key, action)
+        _arena_kernels.judge(self._world, self._robot, self._key)
+
+    def pose(self) -> FloatArray:
+        pose: FloatArray = self._robot.pose.copy()
+        return pose
+
+    def score(self) -> Score:
+        count = self._robot.count
+        return Score(st=int(count[0]), bumps=int(count[1]), fitness=_fitness(self._arena, self._robot),
+                     solved=_is_solved(self._arena, self._robot), done=bool(count[4]))  # fmt: skip
+
+    def settings(self) -> dict[str, Any]:
+        return self._arena.settings()
 
 
 def _neurons(wiring: Any) -> int:
@@ -244,24 +321,20 @@ def _neurons(wiring: Any) -> int:
 
 def _run_plain(
     controller: Controller,
-    arena: Arena,
+    arena: TrialArena,
     key: int,
     action_delay: int,
     on_timestep: Callable[[int], None] | None,
 ) -> Trial:
-    from ohmloom.sim import _arena_kernels
-
-    world, robot, word = arena.world(), _new_robot(), np.uint64(key)
     controller.reset()
-    _arena_kernels.begin(world, robot, word)
-    path, st = [robot.pose.copy()], [0]
+    arena.begin(key)
+    path, st = [arena.pose()], [0]
     seen: list[FloatArray] = []
     acted: list[int] = []
     spikes: list[Any] = []
     delayed = 0
-    while not robot.count[4]:
-        sensors = np.zeros(6)
-        _arena_kernels.sense(world, robot, word, sensors)
+    while not arena.score().done:
+        sensors = np.asarray(arena.sense(), dtype=np.float64)
         answer = controller.step(sensors.copy())
         if not isinstance(answer, str) or answer not in ACTIONS:
             raise ParameterError("run_trial.controller: expected step() to return 'forward', 'left' or "
@@ -269,22 +342,22 @@ def _run_plain(
         action = ACTIONS.index(answer)
         if action_delay:
             action, delayed = delayed, action
-        _arena_kernels.move(world, robot, word, action)
-        _arena_kernels.judge(world, robot, word)
+        arena.move(action)
         seen.append(sensors)
         acted.append(action)
         if hasattr(controller, "output_spikes"):
             spikes.append(controller.output_spikes)
-        path.append(robot.pose.copy())
-        st.append(int(robot.count[0]))
+        path.append(arena.pose())
+        st.append(arena.score().st)
         if on_timestep is not None:
             on_timestep(len(acted) - 1)
-    return _trial(arena, robot, key, path, st, seen, acted, np.array(spikes, dtype=np.int64).reshape(-1, 2))
+    return _trial(arena, key, path, st, seen, acted, np.array(spikes, dtype=np.int64).reshape(-1, 2))
 
 
-def _trial(arena: Arena, robot: Any, key: int, path: Any, st: Any, seen: Any, acted: Any, spikes: Any) -> Trial:
+def _trial(arena: TrialArena, key: int, path: Any, st: Any, seen: Any, acted: Any, spikes: Any) -> Trial:
+    score = arena.score()
     return Trial(
-        fitness=_fitness(arena, robot), solved=_is_solved(arena, robot), timesteps=int(robot.count[0]),
-        bumps=int(robot.count[1]), path=path, st=st, sensors=seen, actions=acted, output_spikes=spikes,
-        task=arena.task, trial_key=key, provenance={"ohmloom": __version__, "arena": arena.settings()},
+        fitness=score.fitness, solved=score.solved, timesteps=score.st, bumps=score.bumps, path=path, st=st,
+        sensors=seen, actions=acted, output_spikes=spikes, task=arena.task, trial_key=key,
+        provenance={"ohmloom": __version__, "arena": arena.settings()},
     )  # fmt: skip

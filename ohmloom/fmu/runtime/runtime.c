@@ -1,6 +1,17 @@
 /*
- * The runtime of ohmloom's continuous models: FMI 2.0 or 3.0 (FMI_VERSION), model exchange and co-simulation, from one
- * file. It includes model.c, which tells it the sizes, the variables and the equations
+ * The runtime of ohmloom's models: FMI 2.0 or 3.0 (FMI_VERSION), continuous or discrete (MODEL_IS_DISCRETE). It includes
+ * model.c, which tells it the sizes, the variables and the equations. An FMU's copy holds what it needs of this file.
+ *
+#if MODEL_IS_DISCRETE
+ * A discrete model has parameters p, inputs u, outputs y, and a Memory that changes once per timestep:
+ *
+ *     start(p, memory),  step(p, u, memory),  y = outputs(p, memory)
+ *
+ * Outputs are those of the last timestep, or of the start. It is for co-simulation alone.
+ *
+ * Values lie in one table indexed by value reference: time, parameters, inputs, outputs.
+#else
+ * A continuous model is for model exchange and co-simulation, and has the equations
  *
  *     x' = rates(p, c, u, x),  y = outputs(p, c, u, x),  low <= x <= high,  c = constants(p)
  *
@@ -10,6 +21,7 @@
  * rates themselves know nothing of modes: they are smooth, and evaluated within the limits.
  *
  * Values lie in one table indexed by value reference: time, parameters, inputs, states, derivatives, outputs, indicators.
+#endif
  * Everything that changes is in State, which holds no pointer, so saving an instance is copying a block of memory.
  */
 #include <math.h>
@@ -20,16 +32,20 @@
 
 #if FMI_VERSION == 2
 #include "fmi2Functions.h"
-#elif FMI_VERSION == 3
-#include "fmi3Functions.h"
 #else
-#error "FMI_VERSION: expected 2 or 3"
+#include "fmi3Functions.h"
 #endif
 
 typedef enum { TIME, TUNABLE, FIXED, INPUT, CALCULATED } Role;
+#if MODEL_IS_DISCRETE
+typedef enum { REAL, INTEGER, BOOLEAN } Type;
+#endif
 
 typedef struct {
     const char *name;
+#if MODEL_IS_DISCRETE
+    Type type;
+#endif
     Role role;
     double start, low, high;
 } Variable;
@@ -39,12 +55,17 @@ typedef struct {
 enum {
     FIRST_P = 1,
     FIRST_U = FIRST_P + N_P,
+#if MODEL_IS_DISCRETE
+    FIRST_Y = FIRST_U + N_U,
+    N_VALUES = FIRST_Y + N_Y
+#else
     FIRST_X = FIRST_U + N_U,
     FIRST_DX = FIRST_X + N_X,
     FIRST_Y = FIRST_DX + N_X,
     FIRST_Z = FIRST_Y + N_Y,
     N_Z = 2 * N_X,
     N_VALUES = FIRST_Z + N_Z
+#endif
 };
 
 /* The phases of an instance; each function names those in which it may be called. */
@@ -54,12 +75,17 @@ enum { CREATED = 1, INITIALIZING = 2, EVENT = 4, CONTINUOUS = 8, STEPPING = 16, 
 
 typedef struct {
     double value[N_VALUES];
+#if MODEL_IS_DISCRETE
+    Memory memory;
+    signed char phase, is_cosimulation, constants_known, outputs_known;
+#else
     double constant[N_C];
     double low[N_X], high[N_X];
     double raw[N_X];    /* rates before modes */
     signed char mode[N_X]; /* -1: rests at low, 1: rests at high, 0: moves */
     signed char phase, is_cosimulation, constants_known, rates_known, outputs_known;
     double tolerance, step; /* step: what the error of the last one suggests, 0 at the start */
+#endif
 } State;
 
 typedef struct {
@@ -87,9 +113,11 @@ typedef struct {
 } Snapshot;
 
 enum { GOOD = 0, BAD = 3 }; /* fmi2OK and fmi2Error, fmi3OK and fmi3Error */
+#if !MODEL_IS_DISCRETE
 #define TOLERANCE 1e-8
 #define HYSTERESIS 1e-10 /* share of the range by which an indicator lets a state pass its limit */
 #define LARGEST_COUNT 1000000 /* of steps within one communication step */
+#endif
 
 static void tell(Instance *m, int status, const char *category, const char *format, ...)
 {
@@ -131,6 +159,39 @@ static int know_constants(Instance *m)
     problem = model_check(part(s, FIRST_P));
     if (problem)
         return refuse(m, "%s", problem);
+#if MODEL_IS_DISCRETE
+    model_start(part(s, FIRST_P), &s->memory);
+    s->constants_known = 1;
+    s->outputs_known = 0;
+    return GOOD;
+}
+
+static int know_outputs(Instance *m)
+{
+    State *s = &m->s;
+    if (know_constants(m))
+        return BAD;
+    if (!s->outputs_known)
+        model_outputs(part(s, FIRST_P), &s->memory, part(s, FIRST_Y));
+    s->outputs_known = 1;
+    return GOOD;
+}
+
+/* A communication step is a whole number of timesteps; inputs are held over all of them. */
+static int advance(Instance *m, double duration)
+{
+    State *s = &m->s;
+    const double count = floor(duration / TIMESTEP + 0.5);
+    double k;
+    if (!(count >= 1.0 && count <= 1e6 && fabs(duration - count * TIMESTEP) <= 1e-6 * TIMESTEP))
+        return refuse(m, "t = %.17g s: expected a step of %g s or a multiple of it, got %.17g s", s->value[0], TIMESTEP,
+                      duration);
+    for (k = 0.0; k < count; k += 1.0)
+        model_step(part(s, FIRST_P), part(s, FIRST_U), &s->memory);
+    s->outputs_known = 0;
+    return GOOD;
+}
+#else
     model_constants(part(s, FIRST_P), s->constant);
     model_limits(part(s, FIRST_P), s->constant, s->low, s->high);
     if (s->phase & (CREATED | INITIALIZING))
@@ -368,6 +429,7 @@ static int advance(Instance *m, double duration)
     return GOOD;
 }
 
+#endif
 static int step(Instance *m, double time, double duration)
 {
     int status;
@@ -399,7 +461,9 @@ static int set_value(Instance *m, unsigned int reference, double number)
         return refuse(m, "%s: expected a number from %g to %g, got %.17g", variable->name, variable->low, variable->high,
                       number);
     s->value[reference] = number;
+#if !MODEL_IS_DISCRETE
     s->rates_known = s->outputs_known = 0;
+#endif
     if (variable->role != INPUT)
         s->constants_known = 0;
     return GOOD;
@@ -410,6 +474,10 @@ static int get_value(Instance *m, unsigned int reference, double *number)
     int status = GOOD;
     if (reference >= N_VALUES)
         return refuse(m, "expected a value reference below %d, got %u", (int)N_VALUES, reference);
+#if MODEL_IS_DISCRETE
+    if (reference >= FIRST_Y)
+        status = know_outputs(m);
+#else
     if (reference >= FIRST_Z)
         status = know_indicators(m);
     else if (reference >= FIRST_Y)
@@ -418,10 +486,55 @@ static int get_value(Instance *m, unsigned int reference, double *number)
         status = know_rates(m);
     else if (reference >= FIRST_X)
         status = know_constants(m);
+#endif
     *number = m->s.value[reference];
     return status;
 }
 
+#if MODEL_IS_DISCRETE
+/* Variables of each type are set and got by functions of their own. */
+#define TYPED(name, Number, wanted)                                                                            \
+    static int set_##name(Instance *m, const unsigned int *references, size_t count, const Number *numbers)     \
+    {                                                                                                          \
+        size_t k;                                                                                              \
+        if (!may_call(m, "Set", LIVING & ~TERMINATED))                                                         \
+            return BAD;                                                                                        \
+        for (k = 0; k < count; k++)                                                                            \
+            if (!has_type(m, references[k], wanted) || set_value(m, references[k], (double)numbers[k]))         \
+                return BAD;                                                                                    \
+        return GOOD;                                                                                           \
+    }                                                                                                          \
+    static int get_##name(Instance *m, const unsigned int *references, size_t count, Number *numbers)           \
+    {                                                                                                          \
+        double number = 0.0;                                                                                   \
+        size_t k;                                                                                              \
+        if (!may_call(m, "Get", LIVING | FAILED))                                                              \
+            return BAD;                                                                                        \
+        for (k = 0; k < count; k++) {                                                                          \
+            if (!has_type(m, references[k], wanted) || get_value(m, references[k], &number))                    \
+                return BAD;                                                                                    \
+            numbers[k] = (Number)number;                                                                       \
+        }                                                                                                      \
+        return GOOD;                                                                                           \
+    }
+
+static int has_type(Instance *m, unsigned int reference, Type wanted)
+{
+    if (reference < N_VALUES && variables[reference].type == wanted)
+        return 1;
+    tell(m, BAD, "logStatusError", "value reference %u: expected a variable of the type that the function is for", reference);
+    return 0;
+}
+
+TYPED(values, double, REAL)
+#if FMI_VERSION == 2
+TYPED(integers, fmi2Integer, INTEGER)
+TYPED(booleans, fmi2Boolean, BOOLEAN)
+#else
+TYPED(integers, fmi3Int32, INTEGER)
+TYPED(booleans, fmi3Boolean, BOOLEAN)
+#endif
+#else
 static int set_values(Instance *m, const unsigned int *references, size_t count, const double *numbers)
 {
     size_t k;
@@ -496,6 +609,14 @@ static int differentiate(Instance *m, const unsigned int *unknowns, size_t n_unk
         sensitivity[k] = *place_of(&d, is_adjoint ? knowns[k] : unknowns[k], !is_adjoint);
     return GOOD;
 }
+#endif
+
+/* What follows takes no time, but most of the library's room. */
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((minsize)), apply_to = function)
+#elif defined(__GNUC__)
+#pragma GCC optimize("Os")
+#endif
 
 /* --------------------------------------------------------------------------------------------------- an instance's life */
 
@@ -507,7 +628,9 @@ static void restart(Instance *m)
     for (k = 0; k < N_VALUES; k++)
         m->s.value[k] = variables[k].start;
     m->s.is_cosimulation = is_cosimulation;
+#if !MODEL_IS_DISCRETE
     m->s.tolerance = TOLERANCE;
+#endif
     m->s.phase = CREATED;
 }
 
@@ -521,6 +644,14 @@ static Instance *create(Instance *m, const char *name, const char *token, int is
     if (m->name && name)
         strcpy(m->name, name);
     m->s.is_cosimulation = (signed char)is_cosimulation;
+#if MODEL_IS_DISCRETE
+    if (m->name && !is_cosimulation) {
+        tell(m, BAD, "logStatusError", "expected an instance for co-simulation, got model exchange");
+        free(m->name);
+        free(m);
+        return NULL;
+    }
+#endif
     if (!m->name || !token || strcmp(token, MODEL_TOKEN)) {
         tell(m, BAD, "logStatusError", "expected the token %s, got %.60s", MODEL_TOKEN, token ? token : "none");
         free(m->name);
@@ -544,17 +675,25 @@ static int set_up(Instance *m, int has_tolerance, double tolerance, double time)
         return refuse(m, "expected a tolerance between 0 and 1, got %g", tolerance);
     if (!isfinite(time))
         return refuse(m, "expected a finite start time, got %g", time);
+#if !MODEL_IS_DISCRETE
     m->s.tolerance = has_tolerance ? tolerance : TOLERANCE;
+#endif
     m->s.value[0] = time;
     return GOOD;
 }
 
 static int leave_initialization(Instance *m)
 {
+#if MODEL_IS_DISCRETE
+    if (!may_call(m, "ExitInitializationMode", INITIALIZING) || know_constants(m))
+        return BAD;
+    m->s.phase = STEPPING;
+#else
     int moved;
     if (!may_call(m, "ExitInitializationMode", INITIALIZING) || settle(m, &moved))
         return BAD;
     m->s.phase = m->s.is_cosimulation ? STEPPING : EVENT;
+#endif
     return GOOD;
 }
 
@@ -635,6 +774,7 @@ static int read_state(Instance *m, const char *bytes, size_t size, void **handle
     return GOOD;
 }
 
+#if !MODEL_IS_DISCRETE
 static int set_states(Instance *m, const double *x, size_t count)
 {
     size_t k;
@@ -647,6 +787,7 @@ static int set_states(Instance *m, const double *x, size_t count)
     m->s.rates_known = m->s.outputs_known = 0;
     return GOOD;
 }
+#endif
 
 static int not_offered(Instance *m, const char *function) { return refuse(m, "%s: not offered", function); }
 
@@ -655,6 +796,7 @@ static int no_variables(Instance *m, size_t count, const char *function)
     return count ? refuse(m, "%s: this FMU has no variables of this type", function) : GOOD;
 }
 
+#if !MODEL_IS_DISCRETE
 static int set_time(Instance *m, double time)
 {
     if (!may_call(m, "SetTime", EVENT | CONTINUOUS))
@@ -684,6 +826,7 @@ static int get_nominals(Instance *m, double *nominals, size_t count)
         nominals[k] = m->s.high[k] - m->s.low[k];
     return GOOD;
 }
+#endif
 
 /* The standard's functions have arguments for which these FMUs have no use. */
 #if defined(__GNUC__)
@@ -759,8 +902,22 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, 
     {                                                                                                          \
         return STATUS(no_variables(M, n, "Set" #Type));                                                        \
     }
+#if MODEL_IS_DISCRETE
+#define VARIABLES(Type, name)                                                                                  \
+    fmi2Status fmi2Get##Type(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##Type v[])           \
+    {                                                                                                          \
+        return STATUS(get_##name(M, r, n, v));                                                                 \
+    }                                                                                                          \
+    fmi2Status fmi2Set##Type(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2##Type v[])     \
+    {                                                                                                          \
+        return STATUS(set_##name(M, r, n, v));                                                                 \
+    }
+VARIABLES(Integer, integers)
+VARIABLES(Boolean, booleans)
+#else
 NO_VARIABLES(Integer)
 NO_VARIABLES(Boolean)
+#endif
 NO_VARIABLES(String)
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) { return STATUS(save_state(M, state)); }
@@ -789,6 +946,24 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     return STATUS(read_state(M, bytes, size, state));
 }
 
+#if MODEL_IS_DISCRETE
+#define NOT_OFFERED(Name, ...)                                                                                 \
+    fmi2Status fmi2##Name(fmi2Component c, __VA_ARGS__) { return STATUS(not_offered(M, #Name)); }
+NOT_OFFERED(GetDirectionalDerivative, const fmi2ValueReference unknowns[], size_t n_unknowns,
+            const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[], fmi2Real sensitivity[])
+/* Some importers ask for these even where there is no model exchange. */
+NOT_OFFERED(NewDiscreteStates, fmi2EventInfo *info)
+NOT_OFFERED(CompletedIntegratorStep, fmi2Boolean is_final, fmi2Boolean *event, fmi2Boolean *stop)
+NOT_OFFERED(SetTime, fmi2Real time)
+NOT_OFFERED(SetContinuousStates, const fmi2Real x[], size_t n)
+NOT_OFFERED(GetDerivatives, fmi2Real rates[], size_t n)
+NOT_OFFERED(GetEventIndicators, fmi2Real z[], size_t n)
+NOT_OFFERED(GetContinuousStates, fmi2Real x[], size_t n)
+NOT_OFFERED(GetNominalsOfContinuousStates, fmi2Real nominals[], size_t n)
+
+fmi2Status fmi2EnterEventMode(fmi2Component c) { return STATUS(not_offered(M, "EnterEventMode")); }
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) { return STATUS(not_offered(M, "EnterContinuousTimeMode")); }
+#else
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[])
@@ -845,6 +1020,7 @@ fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[
 {
     return STATUS(get_nominals(M, nominals, n));
 }
+#endif
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer order[],
                                        const fmi2Real v[])
@@ -943,10 +1119,14 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean has_tolerance
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c) { return STATUS(leave_initialization(M)); }
 
+#if MODEL_IS_DISCRETE
+fmi3Status fmi3EnterEventMode(fmi3Instance c) { return STATUS(not_offered(M, "EnterEventMode")); }
+#else
 fmi3Status fmi3EnterEventMode(fmi3Instance c)
 {
     return STATUS(change_phase(M, "EnterEventMode", CONTINUOUS | EVENT, EVENT));
 }
+#endif
 
 fmi3Status fmi3Terminate(fmi3Instance c)
 {
@@ -984,11 +1164,25 @@ NO_VARIABLES(Int8)
 NO_VARIABLES(UInt8)
 NO_VARIABLES(Int16)
 NO_VARIABLES(UInt16)
+#if MODEL_IS_DISCRETE
+#define VARIABLES(Type, name)                                                                                  \
+    fmi3Status fmi3Get##Type(fmi3Instance c, REFS, fmi3##Type v[], size_t n_values)                             \
+    {                                                                                                          \
+        return STATUS(n == n_values ? get_##name(M, r, n, v) : refuse(M, "Get" #Type ": expected one value each"));\
+    }                                                                                                          \
+    fmi3Status fmi3Set##Type(fmi3Instance c, REFS, const fmi3##Type v[], size_t n_values)                       \
+    {                                                                                                          \
+        return STATUS(n == n_values ? set_##name(M, r, n, v) : refuse(M, "Set" #Type ": expected one value each"));\
+    }
+VARIABLES(Int32, integers)
+VARIABLES(Boolean, booleans)
+#else
 NO_VARIABLES(Int32)
+NO_VARIABLES(Boolean)
+#endif
 NO_VARIABLES(UInt32)
 NO_VARIABLES(Int64)
 NO_VARIABLES(UInt64)
-NO_VARIABLES(Boolean)
 NO_VARIABLES(String)
 
 #define NOT_OFFERED(Name, ...)                                                                                 \
@@ -1041,6 +1235,28 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
     return STATUS(read_state(M, (const char *)bytes, size, state));
 }
 
+#if MODEL_IS_DISCRETE
+NOT_OFFERED(GetDirectionalDerivative, REFS, const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+            size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
+NOT_OFFERED(GetAdjointDerivative, REFS, const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+            size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
+NOT_OFFERED(UpdateDiscreteStates, fmi3Boolean *again, fmi3Boolean *stop, fmi3Boolean *nominals_changed,
+            fmi3Boolean *states_changed, fmi3Boolean *has_next, fmi3Float64 *next)
+
+/* Some importers ask for these even where there is no model exchange. */
+NOT_OFFERED(CompletedIntegratorStep, fmi3Boolean is_final, fmi3Boolean *event, fmi3Boolean *stop)
+NOT_OFFERED(SetTime, fmi3Float64 time)
+NOT_OFFERED(SetContinuousStates, const fmi3Float64 x[], size_t n)
+NOT_OFFERED(GetContinuousStateDerivatives, fmi3Float64 rates[], size_t n)
+NOT_OFFERED(GetEventIndicators, fmi3Float64 z[], size_t n)
+NOT_OFFERED(GetContinuousStates, fmi3Float64 x[], size_t n)
+NOT_OFFERED(GetNominalsOfContinuousStates, fmi3Float64 nominals[], size_t n)
+NOT_OFFERED(GetNumberOfEventIndicators, size_t *count)
+NOT_OFFERED(GetNumberOfContinuousStates, size_t *count)
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) { return STATUS(not_offered(M, "EnterContinuousTimeMode")); }
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) { return STATUS(not_offered(M, "EvaluateDiscreteStates")); }
+#else
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
@@ -1118,6 +1334,7 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *count)
     *count = N_X;
     return fmi3OK;
 }
+#endif
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 duration, fmi3Boolean is_final, fmi3Boolean *event,
                       fmi3Boolean *stop, fmi3Boolean *early, fmi3Float64 *reached)
@@ -1127,4 +1344,8 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 duration, fm
     *reached = status ? time : time + duration;
     return STATUS(status);
 }
+#endif
+
+#if defined(__clang__)
+#pragma clang attribute pop
 #endif

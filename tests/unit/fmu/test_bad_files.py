@@ -10,7 +10,7 @@ import pytest
 
 from ohmloom.devices import Device
 from ohmloom.errors import FileFormatError, MissingFileError, OperationError, ParameterError, UnknownNameError
-from ohmloom.fmu import check, export_device, run
+from ohmloom.fmu import Host, check, export_device, run
 from ohmloom.fmu._archive import open_archive
 from ohmloom.fmu._compile import compile_library, host
 from ohmloom.fmu.build import HEADERS, archive
@@ -211,6 +211,58 @@ def test_values_that_are_not_finite_are_refused(good, tmp_path, temporary):
                    "s->outputs_known = 1; s->value[FIRST_Y + 2] = NAN;")  # fmt: skip
     with pytest.raises(OperationError, match=r"bad.fmu: weight: expected finite values, got nan at t = 0 s. Check the"):
         run(path)
+
+
+def test_a_host_survives_what_it_hosts(good, tmp_path, temporary):
+    """A crash, an endless loop and a value that is no number, each in the middle of a run."""
+    crash = changed(
+        good, tmp_path / "crash.fmu", "y[1] = 1.0 / g;", "y[1] = u[0] > 0.5 ? *(volatile double *)8 : 1.0 / g;"
+    )
+    with Host(crash) as host:
+        host.step(0.01, {"v": 0.1})
+        with pytest.raises(
+            OperationError, match=r"crash.fmu: expected an answer, got a crash \(SIGSEGV\) inside the FMU"
+        ):
+            host.step(0.01, {"v": 0.6}, ["memristance"])
+        with pytest.raises(OperationError, match=r"expected a host that is open, got a closed one"):
+            host.get(["i"])
+    loop = changed(good, tmp_path / "loop.fmu", "y[1] = 1.0 / g;", "while (u[0] > 0.5) y[1] = 1.0 / g;")
+    with Host(loop, timeout=20.0) as host:
+        host.timeout = 0.3
+        with pytest.raises(OperationError, match=r"loop.fmu: expected an answer within 0.3 s, got none"):
+            host.step(0.01, {"v": 0.6}, ["memristance"])
+    empty = changed(good, tmp_path / "nan.fmu", "s->outputs_known = 1;",
+                    "s->outputs_known = 1; s->value[FIRST_Y + 2] = NAN;")  # fmt: skip
+    with (
+        Host(empty) as host,
+        pytest.raises(OperationError, match=r"weight: expected a finite value, got nan at t = 0 s"),
+    ):
+        host.step(0.01, {"v": 0.6}, ["weight"])
+
+
+def test_a_greedy_host_is_refused_memory(good, tmp_path, temporary):
+    greedy = with_library(
+        good, tmp_path / "greedy.fmu", "char room[8000000000]; double fmi2DoStep(void) { return room[1]; }"
+    )
+    with pytest.raises(OperationError, match=r"greedy.fmu: expected it to go on at t = 0 s, got .*greedy|.*memory"):
+        Host(greedy)
+
+
+def test_a_host_refuses_what_the_fmu_has_not(good, temporary):
+    with Host(good, start_values={"q0": 0.3}) as host:
+        assert host.get(["q"]) == {"q": 0.3}
+        host.step(0.1, {"v": 0.8})
+        assert host.get(["q"])["q"] > 0.3
+        host.reset()
+        assert host.get(["q"]) == {"q": 0.3}
+        host.reset({"q0": 0.1})
+        assert (host.get(["q"]), host.time) == ({"q": 0.1}, 0.0)
+        with pytest.raises(ParameterError, match=r"hp.fmu: v: expected a value from -1e\+06 to 1e\+06, got 10000000"):
+            host.set({"v": 1e7})
+        with pytest.raises(UnknownNameError, match=r"Did you mean 'weight'"):
+            host.get(["wieght"])
+        with pytest.raises(OperationError, match=r"hp.fmu: expected it to go on at t = 0 s, got .*positive step"):
+            host.step(-0.1)
 
 
 def test_an_error_of_the_fmu_is_passed_on(good, temporary):

@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from ohmloom.circuits import Memristor, Netlist, VoltageSource
 from ohmloom.cli import main
 from ohmloom.devices import Device
 from ohmloom.errors import OperationError, ParameterError, UnknownNameError
 from ohmloom.fmu import check, export_device, run
 from ohmloom.fmu._units import base_exponents
+from ohmloom.neurocontroller import champion
 
 V, END = 0.8, 1.0 - math.sqrt(1.0 - 2.0 * 0.8 * 0.5)  # of q from 0 after 0.5 s: (1 - q)^2 = 1 - 2 v t
 
@@ -131,6 +133,9 @@ def test_the_command_line_exports_checks_and_runs(command, tmp_path):
     assert err == f"{tmp_path / 'x.csv'}\n"
     code, out, _ = command(*words, "--json")
     assert json.loads(out)["values"]["q"]["end"] == pytest.approx(END, abs=1e-9)
+    # As FMPy has it.
+    code, out, _ = command("run", "--start-values", "v", "0.8", "q0", "0", file, "--stop-time", "0.5", "--json")
+    assert json.loads(out)["values"]["q"]["end"] == pytest.approx(END, abs=1e-9)
     # What is written is what is read.
     (tmp_path / "in.csv").write_text("time,v\n0,0.8\n1,0.8\n")
     code, out, _ = command("run", file, "--stop-time", "0.5", "--input-file", tmp_path / "in.csv", "--json")
@@ -143,6 +148,19 @@ def test_the_command_line_exports_checks_and_runs(command, tmp_path):
         (["export", "device", "hp_tio3", "--out", "x.fmu"], "Did you mean 'hp_tio2'?"),
         (["export", "device", "hp_tio2", "--out", "x.zip"], "export_device: out: expected a file that ends in .fmu"),
         (["export", "device", "hp_tio2", "--out", "x.fmu", "--q0", "1 V"], "--q0: expected a unit of C"),
+        (["export", "device", "--out", "x.fmu"], "fmu export device: expected a CARD, got none. Name it."),
+        (["export", "controller", "none.net.json", "--out", "x.fmu"], "none.net.json: expected a network file"),
+        (
+            ["export", "crossbar", "none.net.json", "--out", "x.fmu"],
+            "--hardware: expected one for the crossbar of a NET",
+        ),
+        (["export", "device", "hp_tio2", "--hardware", "ideal", "--out", "x.fmu"], "--hardware: expected one for the"),
+        (["export", "crossbar", "none.netlist.json", "--out", "x.fmu"], "none.netlist.json: expected"),
+        (["export", "arena", "net.json", "--out", "x.fmu"], "fmu export arena: expected no file, got 'net.json'."),
+        (["export", "arena", "--out", "x.ssp"], "export_arena: out: expected a file that ends in .fmu, got 'x.ssp'."),
+        (["export", "arena", "--q0", "1", "--out", "x.fmu"], "--q0: expected a device, got arena. Leave it out."),
+        (["run", "none.ssp"], "none.ssp: expected an SSP file, got none. Check the path."),
+        (["run", "none.ssp", "--relative-tolerance", "1"], "--relative-tolerance: expected an FMU, got the system"),
         (["run", "none.fmu"], "none.fmu: expected an FMU file, got none. Check the path."),
         (["run", "none.fmu", "--start-values", "v"], "--start-values: expected NAME=VALUE, got 'v'. Write it so."),
         (["run", "none.fmu", "--stop-time", "1 V"], "--stop-time: expected a unit of s"),
@@ -156,6 +174,31 @@ def test_bad_usage_is_one_line_and_exit_2(command, tmp_path, monkeypatch, words,
     assert len(err.strip().splitlines()) == 1
     assert text in err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_line_exports_a_loop_and_runs_it(command, tmp_path):
+    net, fmu, ssp = tmp_path / "het.net.json", tmp_path / "loop.fmu", tmp_path / "loop.ssp"
+    champion("HET").save(net)
+    ends = []
+    for out in (fmu, ssp):
+        options = ["--task", "dynamic", "--trial-key", "7", "--out", out]
+        assert command("export", "system", net, *options)[0] == 0
+        code, text, _ = command("run", out, "--stop-time", "3.2", "--json")
+        assert code == 0
+        values = json.loads(text)["values"]
+        ends.append([values[("arena." if out == ssp else "") + name]["end"] for name in ("x", "y", "st")])
+    assert ends[0] == ends[1]
+    assert ends[0][2] >= 100
+    deck = tmp_path / "pair.netlist.json"
+    parts = [
+        Memristor(name=f"M{k}", p=p, n=n, device=Device.load("hp_tio2"), s0=0.5)
+        for k, (p, n) in enumerate(("ab", "b0"))
+    ]
+    Netlist(elements=(VoltageSource(name="V1", p="a", n="0", voltage=1.0), *parts)).save(deck)
+    for kind, source in (("controller", [net]), ("arena", []), ("crossbar", [deck])):
+        code, text, _ = command("export", kind, *source, "--fmi", "3", "--out", tmp_path / f"{kind}.fmu", "--json")
+        assert code == 0
+        assert json.loads(text)["platforms"]
 
 
 def test_a_failed_check_exits_1(command, tmp_path, monkeypatch):

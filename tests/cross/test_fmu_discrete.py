@@ -1,0 +1,227 @@
+"""Controller, arena and closed loop as FMUs: spike for spike and step for step what `run_trial` does."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from ohmloom.errors import ParameterError, UnknownNameError
+from ohmloom.fmu import check, export_arena, export_controller
+from ohmloom.fmu._discrete_code import key_parts
+from ohmloom.fmu.discrete import export_loop
+from ohmloom.neurocontroller import Network, Readings, SpikingController, champion
+from ohmloom.sim import Arena, run_trial
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:fmpy")
+KEY = 12345678901234567890  # both halves of it have their highest bit set or not: 0xAB54A98C_EB1F0AD2
+STEP = 0.032
+SENSORS = ("ir_0", "ir_2", "ir_5", "light_0", "light_2", "light_5")
+ACTION = ("action", "spikes_left", "spikes_right")
+POSE = ("x", "y", "heading", "st")
+# Every reading that has a branch of its own in controller.c, away from its default.
+OTHER = Readings(lateral="both", weight_at="emission", last_spike=5, stdp_threshold=6, input_bias=False, clamp=False)
+FORGETFUL = Readings(lateral="ascending", carry_state=False, high_count=3, synapse_gain=0.5)
+HARD = Arena.paper(task="dynamic").replace(slip_mode="uniform", slip=0.4, shadow=True, second_part_start="start",
+                                           goal=0.2, max_timesteps=1500)  # fmt: skip
+
+
+def network(case):
+    if case == "champion":
+        return champion("HET")
+    readings = {"emission": OTHER, "forgetful": FORGETFUL}[case]
+    return Network.random(system="HET", rng=np.random.default_rng(3), hidden=7, readings=readings)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Name -> file, each compiled once."""
+    folder = tmp_path_factory.mktemp("discrete")
+    made = {}
+
+    def file(name, export):
+        if name not in made:
+            made[name] = export(folder / f"{name}.fmu").path
+        return made[name]
+
+    return file
+
+
+def controller_file(files, case, fmi):
+    return files(f"{case}{fmi}", lambda out: export_controller(network(case), out, fmi=fmi))
+
+
+def arena_file(files):
+    return files("arena", lambda out: export_arena("dynamic", out))
+
+
+@pytest.mark.parametrize(("case", "fmi"), [("champion", 2), ("emission", 3), ("forgetful", 2)])
+def test_a_controller_is_the_compiled_one_spike_for_spike(files, master, case, fmi):
+    trial = run_trial(SpikingController(network(case)), Arena.paper(task="dynamic"), trial_key=KEY)
+    one = master(controller_file(files, case, fmi))
+    assert one.get(*ACTION) == [0, 0, 0]
+    got = []
+    for k, sensors in enumerate(trial.sensors):
+        one.set(**dict(zip(SENSORS, sensors, strict=True)))
+        one.step(k)
+        got.append(one.get(*ACTION))
+    np.testing.assert_array_equal(got, np.column_stack([trial.actions, trial.output_spikes]))
+    # A trial in which nothing happens would show nothing.
+    assert len(got) > 1000
+    assert np.unique(trial.output_spikes).size > 5
+
+
+@pytest.mark.parametrize(("name", "arena", "fmi"), [
+    ("static", Arena.paper(), 3), ("hard", HARD, 2), ("arena", Arena.paper(task="dynamic"), 2),
+])  # fmt: skip
+def test_an_arena_is_that_of_a_trial_step_for_step(files, master, name, arena, fmi):
+    trial = run_trial(SpikingController(champion("HET")), arena, trial_key=KEY)
+    one = master(files(name, lambda out: export_arena(arena, out, fmi=fmi)), **key_parts(KEY))
+    seen, path = [], [one.get(*POSE)]
+    for k, action in enumerate(trial.actions):
+        seen.append(one.get(*SENSORS))
+        assert not one.get("done")[0]
+        one.set(action=int(action))
+        one.step(k)
+        path.append(one.get(*POSE))
+    # Bit for bit: the same operations in the same order, and the same C library.
+    np.testing.assert_array_equal(seen, trial.sensors)
+    np.testing.assert_array_equal(path, np.column_stack([trial.path, trial.st]))
+    assert one.get("solved", "done", "fitness", "bumps") == [trial.solved, True, trial.fitness, trial.bumps]
+    one.step(len(path))
+    assert one.get(*POSE) == path[-1]
+    # The hard one begins its second part anew, and solves it; in the others the robot bumps.
+    assert (trial.fitness == 2.0) == (name == "hard")
+    assert (trial.bumps > 0) == (name != "hard")
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_loop_in_one_fmu_is_a_trial(files, master, fmi):
+    arena = Arena.paper(task="dynamic")
+    trial = run_trial(SpikingController(champion("HET")), arena, trial_key=KEY)
+    file = files(f"loop{fmi}", lambda out: export_loop(out, champion("HET"), arena, 1, fmi=fmi, platforms="host"))
+    one = master(file, **key_parts(KEY))
+    path, acted = [one.get(*POSE)], []
+    # Two timesteps in one communication step are two timesteps.
+    for k in range(0, len(trial.actions) - 1, 2):
+        one.step(k // 2, 2 * STEP)
+        path.append(one.get(*POSE))
+        acted.append(one.get(*ACTION))
+    np.testing.assert_array_equal(path, np.column_stack([trial.path, trial.st])[::2][: len(path)])
+    np.testing.assert_array_equal(acted, np.column_stack([trial.actions, trial.output_spikes])[1::2][: len(acted)])
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_every_client_runs_a_controller(files, fmi):
+    file = controller_file(files, "champion", fmi)
+    found = check(file, start_values={"light_2": 0.9, "ir_0": 0.3})
+    assert found.passed
+    assert {row.client for row in found.rows if row.status == "passed"} >= {"FMPy", "fmuloader", "loader"} | (
+        {"libcosimpy"} if fmi == 2 else set()
+    )
+
+
+def test_descriptions_have_no_problem(files):
+    for file in (controller_file(files, "champion", 2), controller_file(files, "champion", 3), arena_file(files)):
+        assert validate_fmu(str(file)) == []
+
+
+def test_fmutool_finds_no_error(files):
+    for file in (controller_file(files, "champion", 2), controller_file(files, "champion", 3), arena_file(files)):
+        words = [sys.executable, "-m", "fmu_manipulation_toolbox.cli.fmutool", "-input", str(file), "-check"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert (
+            f"No semantic error against the FMI-{3 if '3' in file.name else 2} standard." in done.stdout + done.stderr
+        )
+
+
+def test_dependencies_say_what_a_step_needs(files, master):
+    controller = master(controller_file(files, "champion", 2))
+    for unknown in controller.d.outputs:
+        assert [v.name for v in unknown.dependencies] == list(SENSORS)
+    arena = master(arena_file(files))
+    assert [unknown.dependencies for unknown in arena.d.outputs] == [[]] * 14
+
+
+def test_reset_and_instances_beside_each_other(files, master):
+    file = controller_file(files, "champion", 2)
+    first, second = master(file), master(file)
+    sensors = dict(zip(SENSORS, (0.0, 0.0, 0.4, 0.7, 0.9, 0.2), strict=True))
+
+    def run(one):
+        one.set(**sensors)
+        rows = []
+        for k in range(50):
+            one.step(k)
+            rows.append(one.get(*ACTION))
+        return rows
+
+    wanted = run(first)
+    assert run(second) == wanted  # the first's history is not the second's
+    assert run(first) != wanted  # but its own
+    first.fmu.reset()
+    first.start()
+    assert run(first) == wanted
+
+
+def test_start_values_are_parameters(files, master):
+    file = controller_file(files, "champion", 2)
+    quick, slow = master(file, y_thresh=0.3), master(file, y_thresh=3.0)
+    for one in (quick, slow):
+        one.set(light_2=0.9)
+        for k in range(30):
+            one.step(k)
+    assert quick.get("spikes_left")[0] > slow.get("spikes_left")[0]
+    with pytest.raises(Exception, match="SetInteger"):
+        slow.set(high_count=3)
+    # FMPy keeps one callback for all: the last instance's.
+    assert "high_count: expected to be set before the end of initialization" in slow.log[-1]
+
+
+@pytest.mark.parametrize(("value", "text"), [
+    (1.5, "ir_0: expected a number from 0 to 1, got 1.5"),
+    (float("nan"), "ir_0: expected a number from 0 to 1, got nan"),
+])  # fmt: skip
+def test_sensors_out_of_range_are_refused(files, master, value, text):
+    one = master(controller_file(files, "champion", 2))
+    with pytest.raises(Exception, match="SetReal"):
+        one.set(ir_0=value)
+    assert text in one.log[-1]
+
+
+def test_other_steps_actions_and_types_are_refused(files, master):
+    one = master(arena_file(files))
+    with pytest.raises(Exception, match="DoStep"):
+        one.step(0, 0.01)
+    assert "expected a step of 0.032 s or a multiple of it, got 0.01" in one.log[-1]
+    two = master(arena_file(files))
+    with pytest.raises(Exception, match="SetInteger"):
+        two.set(action=3)
+    assert "action: expected a number from 0 to 2, got 3" in two.log[-1]
+    with pytest.raises(Exception, match="GetReal"):
+        two.fmu.getReal([two.variables["action"].valueReference])
+    assert "expected a variable of the type that the function is for" in two.log[-1]
+
+
+def test_a_state_of_another_model_is_refused(files, master):
+    arena, controller = master(arena_file(files)), master(controller_file(files, "champion", 2))
+    state = arena.fmu.getFMUstate()
+    data = arena.fmu.serializeFMUstate(state)
+    arena.fmu.freeFMUstate(state)
+    with pytest.raises(Exception, match="DeSerialize"):
+        controller.fmu.deSerializeFMUstate(data)
+    assert "of a state of this very FMU" in controller.log[-1]
+
+
+def test_bad_options_are_refused_before_any_work(tmp_path):
+    out = tmp_path / "x.fmu"
+    with pytest.raises(ParameterError, match=r"^export_controller: network: expected .*Network"):
+        export_controller("net.json", out)
+    with pytest.raises(ParameterError, match=r"^export_controller: timestep: expected 1e-06 to 1e\+06 s, got 0\."):
+        export_controller(champion("HET"), out, timestep=0)
+    with pytest.raises(UnknownNameError, match=r"^export_arena: task: .*static"):
+        export_arena("statics", out)
+    with pytest.raises(ParameterError, match=r"^export_arena: trial_key: "):
+        export_arena("static", out, trial_key=2**64)
+    assert not out.exists()
