@@ -25,7 +25,8 @@ def check_network(
     out: Annotated[Path | None, typer.Option(help="Folder for check.json and divergence.png.")] = None,
     json_: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ) -> None:
-    """Is the emulation exact where it must be, and what would this hardware's drive do? Exit code 0 if exact, else 1."""
+    """Is the emulation exact where it must be, and what would this hardware's drive do? Exit code 0 if exact, else
+    1."""
     from ohmloom.mapping import Hardware, place
     from ohmloom.neurocontroller import Network
     from ohmloom.report.output import CHECK_FILES, save_check
@@ -73,5 +74,6 @@ def _print_check(one: Check) -> None:
         print(f"  {name}")
         print(f"    worst rms of W: {rms}; {since}")
         print(f"    equal spikes {scheme.spike_agreement:.2%}, equal actions {scheme.action_agreement:.2%}; "
-              f"{scheme.lost:,} lost and {scheme.spurious:,} spurious events beside {scheme.events:,} written")  # fmt: skip
+              f"{scheme.lost:,} lost and {scheme.spurious:,} spurious events beside {scheme.events:,} "
+              "written")  # fmt: skip
         print(f"    on its own: {ends}, equal actions {loop['action_agreement']:.2%}")

@@ -106,10 +106,11 @@ def make_callable(function: Callable[..., Any], compiled_form: Callable[..., Any
 
 
 def choose_by_type(function: Callable[..., Any], forms: dict[type, Callable[..., Any]]) -> None:
-    """Let kernels call `function`, of which they compile the form that the NamedTuple class of its first argument names.
+    """Let kernels call `function`, of which they compile the form that the NamedTuple class of its first argument
+    names.
 
-    So one kernel serves several kinds of data, and compiles, and caches, for each only what it needs. Called from Python,
-    `function` must pick the form itself.
+    So one kernel serves several kinds of data, and compiles, and caches, for each only what it needs. Called from
+    Python, `function` must pick the form itself.
     """
     if not COMPILED:
         return

@@ -21,7 +21,7 @@ from ohmloom._cli_circuit import app as circuit_app
 from ohmloom._cli_device import app as device_app
 from ohmloom._cli_fmu import app as fmu_app
 from ohmloom._cli_fmu import join_start_values
-from ohmloom._cli_map import map_network
+from ohmloom._cli_map import HardwareHelp, map_network
 from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
 
@@ -42,7 +42,6 @@ Task = Literal["static", "dynamic"]
 NetArgument = Annotated[Path, typer.Argument(metavar="NET", help="Network file (*.net.json).")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Every random number follows from it.")]
-HardwareHelp = "Shipped spec (ideal, hp_1t1r, het_mixed) or a TOML file."
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -139,7 +139,8 @@ def closed_pulse(
     count_events(now, tile, sign * size)
     inside = abs(now["s"] - before) * q_d
     g = ideal_conductance(law, now["s"], p)
-    # Flux: the integral of M over the charge by Simpson's rule, exact where M is linear in it; the state is exact anyway.
+    # Flux: the integral of M over the charge by Simpson's rule, exact where M is linear in it; the state is exact
+    # anyway.
     middle = ideal_conductance(law, 0.5 * (before + now["s"]), p)
     passed = (1.0 / now["g"] + 4.0 / middle + 1.0 / g) / 6.0 * inside
     passed += max(charge - inside, 0.0) / g + series * charge
@@ -188,7 +189,8 @@ def believe(now: Any, tile: Any, sign: int) -> tuple[float, float]:
 def integrated_pulse(
     cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
-    """The same by integrating the law's own state equation, for any law; wires enter by the voltage they leave at first."""
+    """The same by integrating the law's own state equation, for any law; wires enter by the voltage they leave at
+    first."""
     p, before = tile["parameters"], now["s"]
     law, q_d, mode = tile["law"], tile["charge_scale"], constants["mode"]
     size = event_size(cell, now, constants, sign) * width

@@ -30,8 +30,8 @@ TOTALS = 15
 STEP, FAILED, BUSY_LINES = 0, 1, 2
 
 
-# What is read together lies together: one record a cell, tile, neuron. Kernels take few arrays, since numba copies every
-# array's description on every call.
+# What is read together lies together: one record a cell, tile, neuron. Kernels take few arrays, since numba copies
+# every array's description on every call.
 CELL_FIELDS = np.dtype([
     ("sender", "i8"), ("receiver", "i8"), ("tile", "i8"),
     ("row", "i8"),  # physical word line, counted so that all tiles end at the senses

@@ -1,4 +1,5 @@
-"""An array with wires: what a column reads per volt on every row, and what every cell sees while all lines are driven."""
+"""An array with wires: what a column reads per volt on every row, and what every cell sees while all lines are
+driven."""
 
 from __future__ import annotations
 

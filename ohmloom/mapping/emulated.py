@@ -105,7 +105,8 @@ class EmulatedController:
         return spiked.astype(np.bool_)
 
     def begin_timestep(self) -> None:
-        """What `step` does before its 21 steps: devices age, and a network that does not carry its state starts anew."""
+        """What `step` does before its 21 steps: devices age, and a network that does not carry its state starts
+        anew."""
         self._kernels.begin_timestep(self._fabric, self._state)
 
     def check_solved(self) -> None:
@@ -117,7 +118,8 @@ class EmulatedController:
             If any solve since the last reset did not converge.
         """
         if self._state.clock[FAILED]:
-            raise OperationError(f"EmulatedController: expected the potentials of the wires to converge, got {self._state.clock[FAILED]} "
+            raise OperationError("EmulatedController: expected the potentials of the wires to converge, got "
+                                 f"{self._state.clock[FAILED]} "
                                  "solves that did not. Check the resistances of wires and devices.")  # fmt: skip
 
     @property

@@ -101,8 +101,8 @@ def build_fabric(
         point = None if c.synapse is None else plan.crosspoints[c.synapse]
         cell[k] = (
             c.sender, c.receiver, c.tile, c.row + _padding(plan, c.tile), c.column, taps[c.sender, c.receiver],
-            next(other) if c.synapse is None else c.synapse, c.synapse is not None, c.fixed is None, c.polarity, c.state,
-            coordinate(c.tile, c.state), c.state if point is None else point.state, 0.0 if c.fixed is None else c.fixed,
+            next(other) if c.synapse is None else c.synapse, c.synapse is not None, c.fixed is None, c.polarity,
+            c.state, coordinate(c.tile, c.state), c.state if point is None else point.state, 0.0 if c.fixed is None else c.fixed,
             (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k], series[k],
         )  # fmt: skip
     tiles = np.zeros(len(devices), dtype=f.TILE_FIELDS)
@@ -131,7 +131,8 @@ def build_fabric(
     fabric = f.Fabric(
         cells=cell, starts=starts, reads=reads, read_starts=read_starts,
         tiles=tiles, neurons=neurons, constants=constants,
-        table=_table(plan, lowest, counts_half_selects), phase=phase, levels=np.stack([row_level, column_level], axis=1),
+        table=_table(plan, lowest, counts_half_selects), phase=phase,
+        levels=np.stack([row_level, column_level], axis=1),
         wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
         lines=f.DrivenLines() if is_driven else f.SelectedCells(),
     )  # fmt: skip

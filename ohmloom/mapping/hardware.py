@@ -90,13 +90,14 @@ class DriveSpec(StrictModel):
     """How an STDP event is written.
 
     ``mode``: ``charge_metered`` (a voltage pulse that ends when its charge has passed), ``current`` (a current pulse),
-    ``voltage`` (fixed voltage and duration), ``exact_width`` (fixed voltage; the duration that a device of its last known
-    state needs). ``waveform``: a name of `WAVEFORMS`, or ``user`` with ``levels`` (the same on rows and columns) or
-    ``phases``. ``parallelism``: one ``cell`` at a time, one cell per ``column`` at a time, or the whole ``array``.
-    ``pulse_duration`` [s]: for current pulses; for fixed voltages, without it, each kind gets the duration that is right
-    at W = 0.5. ``pulse_shape`` with ``edge`` [s]: the time of an edge, or the time constant of an RC-limited one;
-    ``slot`` [s]: when the next pulse begins, so that a tail is cut. ``pulse_voltage``: what an event puts on a device [V].
-    ``compliance_current`` [A], ``compliance_voltage`` [V]: what driver and cell stand; a plan that exceeds them is refused.
+    ``voltage`` (fixed voltage and duration), ``exact_width`` (fixed voltage; the duration that a device of its last
+    known state needs). ``waveform``: a name of `WAVEFORMS`, or ``user`` with ``levels`` (the same on rows and
+    columns) or ``phases``. ``parallelism``: one ``cell`` at a time, one cell per ``column`` at a time, or the whole
+    ``array``. ``pulse_duration`` [s]: for current pulses; for fixed voltages, without it, each kind gets the duration
+    that is right at W = 0.5. ``pulse_shape`` with ``edge`` [s]: the time of an edge, or the time constant of an RC-limited one;
+    ``slot`` [s]: when the next pulse begins, so that a tail is cut. ``pulse_voltage``: what an event puts on a device
+    [V]. ``compliance_current`` [A], ``compliance_voltage`` [V]: what driver and cell stand; a plan that exceeds them is
+    refused.
     """
 
     mode: Literal["charge_metered", "current", "voltage", "exact_width"]
@@ -184,9 +185,9 @@ class ConverterSpec(StrictModel):
 class PeripherySpec(StrictModel):
     """What stands around the cells, each optional: what is left out is named as not counted.
 
-    ``feature`` [m] and ``cell_area`` [feature squares]; area [m2] of a row or column driver, of a sense, of a charge meter,
-    of one bit of shift register; energy [J] of driving one line for one pulse or read, of one sense for one read, of one
-    metered pulse, of shifting one bit.
+    ``feature`` [m] and ``cell_area`` [feature squares]; area [m2] of a row or column driver, of a sense, of a charge
+    meter, of one bit of shift register; energy [J] of driving one line for one pulse or read, of one sense for one
+    read, of one metered pulse, of shifting one bit.
     """
 
     feature: Positive | None = None
@@ -268,23 +269,28 @@ class _HardwareFile(StrictModel):
                              f"got {highest:g} V. A read must not write; lower it.")  # fmt: skip
         if array.access == "passive":
             if drive.mode != "voltage":
-                raise ValueError(f"drive.mode: expected 'voltage' on a passive array, got {drive.mode!r}. Current and meters "
+                raise ValueError(f"drive.mode: expected 'voltage' on a passive array, got {drive.mode!r}. Current "
+                                 "and meters "
                                  "need one selected cell: through sneak paths most of the charge goes elsewhere. "
                                  "Use array.access = '1T1R'.")  # fmt: skip
             if drive.parallelism != "array":
                 raise ValueError(f"drive.parallelism: expected 'array' on a passive array, got {drive.parallelism!r}. "
                                  "Without transistors all lines are driven at once.")  # fmt: skip
         if drive.mode == "current" and drive.parallelism == "array" and not self.wires.is_ideal:
-            raise ValueError("drive.parallelism: expected 'cell' or 'column' for current pulses through wires, got 'array'. "
+            raise ValueError("drive.parallelism: expected 'cell' or 'column' for current pulses through wires, got "
+                             "'array'. "
                              "Cells that share a line cannot each have their own current.")  # fmt: skip
         environment = self.environment
         if environment is not None:
             if environment.retention_activation is not None and self.nonidealities.retention is None:
-                raise ValueError("environment.retention_activation: expected nonidealities.retention beside it, got none. "
+                raise ValueError("environment.retention_activation: expected nonidealities.retention beside it, got "
+                                 "none. "
                                  "Add it.")  # fmt: skip
             if environment.drift_activation is not None and drive.mode not in ("voltage", "exact_width"):
-                raise ValueError("environment.drift_activation: expected drive.mode 'voltage' or 'exact_width' beside it, got "
-                                 f"{drive.mode!r}: where the charge is given, drift changes nothing. Leave it out.")  # fmt: skip
+                raise ValueError("environment.drift_activation: expected drive.mode 'voltage' or 'exact_width' "
+                                 "beside it, got "
+                                 f"{drive.mode!r}: where the charge is given, drift changes nothing. Leave it "
+                                 "out.")  # fmt: skip
         check_shown(self)
         return self
 

@@ -57,7 +57,8 @@ class Waveform:
     def __post_init__(self) -> None:
         widths = {len(levels) for phase in self.phases for levels in (phase.row, phase.column)}
         if len(widths) != 1 or min(widths) < 2 or any(phase.duration <= 0.0 for phase in self.phases):
-            raise MappingError("Waveform.phases: expected at least one phase of a duration > 0, all with a level for the same "
+            raise MappingError("Waveform.phases: expected at least one phase of a duration > 0, all with a level "
+                               "for the same "
                                f"ls values from 0, got {self.phases}. Correct them.")  # fmt: skip
         if not np.isfinite([x for p in self.phases for x in (*p.row, *p.column, p.duration)]).all():
             raise MappingError(f"Waveform.phases: expected finite levels, got {self.phases}. Correct them.")
@@ -100,9 +101,9 @@ class Waveform:
         )
 
 
-# Levels for ls = 0, 1, 2, 3. "half": head and tail of one volt half each. "two_part": the numbers of the paper's Section V-A.
-# "two_slot": the same, with a slot for each sign, so that no line needs both polarities at once. "pwm": one level, the tail's
-# width says how recent the spike is (1 for ls = 2, else 0).
+# Levels for ls = 0, 1, 2, 3. "half": head and tail of one volt half each. "two_part": the numbers of the paper's
+# Section V-A. "two_slot": the same, with a slot for each sign, so that no line needs both polarities at once. "pwm":
+# one level, the tail's width says how recent the spike is (1 for ls = 2, else 0).
 WAVEFORMS = MappingProxyType(
     {
         "half": Waveform.of_levels((0, 0, -1, 1)),
@@ -263,7 +264,8 @@ def check_rule(waveform: Waveform | Sequence[float], threshold: float, readings:
     waveform = waveform if isinstance(waveform, Waveform) else Waveform.of_levels(waveform)
     if waveform.last_spike != readings.last_spike:
         raise MappingError(f"drive.waveform: expected a level for ls = 0 to {readings.last_spike}, got "
-                           f"{waveform.last_spike + 1} levels. The network's last_spike needs another waveform.")  # fmt: skip
+                           f"{waveform.last_spike + 1} levels. The network's last_spike needs another "
+                           "waveform.")  # fmt: skip
     for pre, post in product(range(readings.last_spike + 1), repeat=2):
         wanted = stdp_sign(pre, post, readings.stdp_threshold)
         seen = [phase.column[post] - phase.row[pre] for phase in waveform.phases]

@@ -15,7 +15,8 @@ GREEN, RED, GREY = "#1a7f37", "#b42318", "#6b7280"
 
 
 def plot_check(check: Check) -> Any:
-    """A Figure: names that hold in green, that do not in red, that are not claimed in grey; below, rms over the trial."""
+    """A Figure: names that hold in green, that do not in red, that are not claimed in grey; below, rms over the
+    trial."""
     from matplotlib.figure import Figure
 
     kinds = sorted({kind for scheme in check.schemes.values() for kind in scheme.worst_rms})

@@ -72,7 +72,8 @@ class Check:
     ties
         Steps in which rounding decided, by network entry of `exact`.
     schemes
-        Name -> what it does: ``as_specified``, and the spec's cards driven by charge and by fixed voltage without wires.
+        Name -> what it does: ``as_specified``, and the spec's cards driven by charge and by fixed voltage without
+        wires.
     agreements
         The comparisons behind them; empty in a loaded check.
     provenance
@@ -173,8 +174,8 @@ def check(
     arena
         The paper's arena of the network's task by default.
     rule
-        ``rule(ls_pre, ls_post, stdp_threshold) -> sign`` that the waveform is held against; another one than eqs. 10 and
-        11 turns the box red.
+        ``rule(ls_pre, ls_post, stdp_threshold) -> sign`` that the waveform is held against; another one than eqs. 10
+        and 11 turns the box red.
     progress
         Called with the name of what is done next.
 

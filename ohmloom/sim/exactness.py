@@ -1,6 +1,7 @@
 """The exact box: what must hold before any figure of an emulation means anything, on a spec's own cards.
 
-Each entry of `EXACT` is one function of a `Case`; it returns whether it holds, or a text that says why it does not apply.
+Each entry of `EXACT` is one function of a `Case`; it returns whether it holds, or a text that says why it does not
+apply.
 """
 
 from __future__ import annotations

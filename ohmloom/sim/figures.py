@@ -244,7 +244,8 @@ def endurance(hardware: Hardware, ledgers: Mapping[str, Ledger]) -> Figure:
 
 
 def read_error(hardware: Hardware, plan: Plan) -> Figure:
-    """Worst share of the read voltage that a device does not see, with all rows driven and every plastic device at G_on."""
+    """Worst share of the read voltage that a device does not see, with all rows driven and every plastic device at
+    G_on."""
     found = {tile.name: tile.read_error.built for tile in plan.tiles if tile.read_error is not None}
     worst = max(found, key=lambda name: found[name]) if found else None
     own = hardware.limits.read_error
@@ -269,8 +270,10 @@ def wake_up(hardware: Hardware, disabled_weights: FloatArray) -> Figure:
     limit = Quantity(value=WAKE_UP_LIMIT, source=DESIGN_SOURCE) if own is None else own
     value = float(disabled_weights.mean()) if disabled_weights.size else 0.0
     what = hardware.array.disabled
-    detail = (f"{disabled_weights.size} disabled devices that are {what} conduct with a mean W of {value:.3g} after a trial."
-              if disabled_weights.size else f"disabled crosspoints are {what}, so none conducts or learns.")  # fmt: skip
+    detail = (f"{disabled_weights.size} disabled devices that are {what} conduct with a mean W of {value:.3g} after "
+              "a trial."
+              if disabled_weights.size else f"disabled crosspoints are {what}, so none conducts or "
+                                            "learns.")  # fmt: skip
     return _figure("wake_up", lambda _: value, "1", limit, {}, detail, low_is_good=True)
 
 

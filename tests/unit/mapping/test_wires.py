@@ -15,7 +15,8 @@ MIXED = Network.random(system="HET", rng=np.random.default_rng(5))
 
 
 def dense_potentials(g, v_row, v_column, r_row, r_column):
-    """Potentials of row and column nodes by Kirchhoff's law at each node; drivers before column 0 and after the last row."""
+    """Potentials of row and column nodes by Kirchhoff's law at each node; drivers before column 0 and after the
+    last row."""
     m, n = g.shape
     a, b = np.zeros((2 * m * n, 2 * m * n)), np.zeros(2 * m * n)
 
@@ -174,9 +175,7 @@ def test_a_selected_cell_loses_what_its_wires_take(changed):
     spec = changed(
         "hp_1t1r", drive={"mode": "voltage"}, wires={"r_row": 100.0, "r_column": 100.0}, limits={"read_error": 0.9}
     )
-    network = Network(
-        system="HP", hidden=("excitatory",), synapses=(Synapse(0, 6, "hp", 0.5),)
-    )
+    network = Network(system="HP", hidden=("excitatory",), synapses=(Synapse(0, 6, "hp", 0.5),))
     emulated = EmulatedController(place(network, spec).nominal())
     device = spec.devices["hp"]
     s = emulated.states[0]
