@@ -102,8 +102,8 @@ def build_fabric(
         cell[k] = (
             c.sender, c.receiver, c.tile, c.row + _padding(plan, c.tile), c.column, taps[c.sender, c.receiver],
             next(other) if c.synapse is None else c.synapse, c.synapse is not None, c.fixed is None, c.polarity,
-            c.state, coordinate(c.tile, c.state), c.state if point is None else point.state, 0.0 if c.fixed is None else c.fixed,
-            (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k], series[k],
+            c.state, coordinate(c.tile, c.state), c.state if point is None else point.state,
+            0.0 if c.fixed is None else c.fixed, (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k], series[k],
         )  # fmt: skip
     tiles = np.zeros(len(devices), dtype=f.TILE_FIELDS)
     for t, device in enumerate(devices):

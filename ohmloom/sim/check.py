@@ -13,7 +13,7 @@ import numpy as np
 from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
 from ohmloom.devices import LAWS
-from ohmloom.errors import FileFormatError, expect_integer, expect_number
+from ohmloom.errors import FileFormatError, ParameterError, expect_integer, expect_number
 from ohmloom.mapping import EmulatedController, Hardware, Plan, place
 from ohmloom.neurocontroller import Network
 from ohmloom.neurocontroller.plain import stdp_sign
@@ -188,6 +188,8 @@ def check(
     """
     key = draw_trial_key(np.random.default_rng(expect_integer("check.seed", seed)))
     perturb = expect_number("check.perturb", perturb, "a number > -1, at most 1e6")
+    if not -1.0 < perturb <= 1e6:
+        raise ParameterError(f"check.perturb: expected a number > -1, at most 1e6, got {perturb}. Use 0.001 or so.")
     if arena is None:
         arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
     plan = place(network, hardware)

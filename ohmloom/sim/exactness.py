@@ -184,6 +184,8 @@ def network_charge(case: Case) -> bool | str:
 
 def network_flux(case: Case) -> bool | str:
     """Pulses of fixed voltage are the flux-discrete model of the same cards, spike for spike."""
+    if not case.plastic:
+        return NO_PLASTIC
     return _not_claimed(case) or case.flux.exact
 
 

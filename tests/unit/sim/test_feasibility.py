@@ -5,8 +5,9 @@ import pytest
 
 from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, place
-from ohmloom.neurocontroller import Network, SpikingController
+from ohmloom.neurocontroller import Network, SpikingController, champion
 from ohmloom.sim import Agreement, Arena, Feasibility, agreement, feasibility, run_trial
+from ohmloom.sim.exactness import EXACT
 from ohmloom.sim.feasibility import start_key
 
 NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))
@@ -29,12 +30,13 @@ def test_success_is_that_of_the_trials_it_names(study):
 
 
 def test_exactness_is_checked_on_the_nominal_die(study):
-    assert study.exactness == {"rule_table": True, "lattice": True, "network_charge": True}
+    assert study.exactness == dict.fromkeys(EXACT, True)
+    assert study.not_applicable == {}
 
 
 def test_figures_are_complete(study):
     assert [figure.name for figure in study.figures] == [
-        "event_fidelity", "useful_event_range", "time_per_step", "programming_power", "energy_per_timestep",
+        "event_fidelity", "read_error", "wake_up", "useful_event_range", "time_per_step", "programming_power", "energy_per_timestep",
         "pulses_per_device", "endurance", "closed_loop_success",
     ]  # fmt: skip
     assert all(figure.source and figure.detail for figure in study.figures)
@@ -81,8 +83,8 @@ def test_card_of_another_ratio_claims_no_equality_with_the_paper():
     network = Network.random(system="HP", rng=np.random.default_rng(3))
     other = hardware.model_copy(update={"cards": {**hardware.cards, "hp": "hp_tio2"}})
     study = feasibility(network, other, dies=0, arena=SHORT)
-    assert study.exactness == {"rule_table": True}
-    assert set(study.not_applicable) == {"lattice", "network_charge"}
+    assert set(study.not_applicable) == {"lattice"}
+    assert study.exactness == {name: True for name in EXACT if name != "lattice"}
 
 
 def test_agreement_can_be_saved_and_loaded(tmp_path):
@@ -98,8 +100,8 @@ def test_agreement_can_be_saved_and_loaded(tmp_path):
 
 
 def test_agreement_notices_a_wrong_charge():
-    right = agreement(NETWORK, Hardware.load("het_mixed"), seed=1, arena=SHORT)
-    wrong = agreement(NETWORK, Hardware.load("het_mixed"), seed=1, arena=SHORT, perturb=0.2)
+    right = agreement(NETWORK, Hardware.load("ideal"), seed=1, arena=SHORT)
+    wrong = agreement(NETWORK, Hardware.load("ideal"), seed=1, arena=SHORT, perturb=0.2)
     assert right.exact
     assert right.first_divergence is None
     assert not wrong.exact
@@ -117,5 +119,52 @@ def test_die_of_another_network_is_refused():
 def test_without_plastic_synapses_only_the_spikes_are_compared():
     network = Network.random(system="GA", rng=np.random.default_rng(3))
     study = feasibility(network, Hardware.load("ideal"), dies=0, arena=SHORT)
-    assert study.exactness == {"network_charge": True}
-    assert study.not_applicable == {"rule_table": "no plastic synapse", "lattice": "no plastic synapse"}
+    spikes_and_lines = {"network_charge", "wire_limit", "ladder", "column_serial_delay", "kirchhoff"}
+    assert study.exactness == dict.fromkeys((name for name in EXACT if name in spikes_and_lines), True)
+    assert set(study.not_applicable.values()) == {"no plastic synapse"}
+
+
+def short(champion_name, hardware):
+    network = champion(champion_name)
+    return feasibility(network, hardware, dies=0, arena=Arena(task="static", max_timesteps=60))
+
+
+def status_of(study, name):
+    return next(figure.status for figure in study.figures if figure.name == name)
+
+
+def test_strukov_hardware_fails_on_lost_events_and_then_on_wires():
+    study = short("HP", Hardware.load("hp_strukov"))
+    assert study.verdict == "FAIL"
+    assert study.reasons[0].startswith("event_fidelity is 0.")
+    assert study.reasons[1].startswith("read_error is 0.")
+    assert all(study.exactness.values())
+
+
+def test_ten_kilohm_hardware_fails_on_neither():
+    study = short("HP", Hardware.load("hp_1t1r"))
+    assert status_of(study, "event_fidelity") != "FAIL"
+    assert status_of(study, "read_error") != "FAIL"
+    assert study.verdict == "MARGINAL"
+    assert all(study.exactness.values())
+
+
+def test_polyaniline_fails_on_time_and_not_on_wires():
+    study = short("PEO", Hardware.load("peo_pani"))
+    assert study.verdict == "FAIL"
+    assert study.reasons[0].startswith("time_per_step is ")
+    assert status_of(study, "read_error") == "PASS"
+    assert status_of(study, "wake_up") == "PASS"
+
+
+def test_polyaniline_left_in_place_wakes_up():
+    spec = Hardware.load("peo_pani")
+    spec = spec.model_copy(update={"array": spec.array.model_copy(update={"disabled": "present"})})
+    study = short("PEO", spec)
+    assert study.verdict == "FAIL"
+    assert status_of(study, "wake_up") == "FAIL"
+    assert any(reason.startswith("wake_up is 0.") for reason in study.reasons)
+    # TiO2 left in place stays near its off state, where an event moves it least.
+    spec = Hardware.load("hp_1t1r")
+    spec = spec.model_copy(update={"array": spec.array.model_copy(update={"disabled": "present"})})
+    assert status_of(short("HP", spec), "wake_up") != "FAIL"
