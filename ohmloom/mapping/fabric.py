@@ -118,10 +118,11 @@ def build_fabric(
         r.y_thresh * die.neuron_threshold,
     )
     neurons["offset"], neurons["full_scale"] = die.sense_offset, _full_scale(plan)
+    table = _table(plan, lowest, counts_half_selects)
     constants = np.zeros(1, dtype=f.CONSTANT_FIELDS)
     constants[0] = (
         MODES[drive.mode], PARALLELISMS[drive.parallelism], drive.shape.event, drive.pulse_voltage.value,
-        counts_half_selects, effects["asymmetry"], effects["metering_delay"], effects["cycle_to_cycle"],
+        counts_half_selects, bool(table[:, 0].any()), effects["asymmetry"], effects["metering_delay"], effects["cycle_to_cycle"],
         die.keys.get("cycle_to_cycle", 0), effects["half_select"], effects["read_disturb"], effects["read_noise"],
         die.keys.get("read_noise", 0), effects.bits, effects.settled, effects.decay, hardware.read.voltage.value,
         hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain, r.high_count, r.clamp, r.carry_state,
@@ -131,7 +132,7 @@ def build_fabric(
     fabric = f.Fabric(
         cells=cell, starts=starts, reads=reads, read_starts=read_starts,
         tiles=tiles, neurons=neurons, constants=constants,
-        table=_table(plan, lowest, counts_half_selects), phase=phase, levels=np.stack([row_level, column_level], axis=1),
+        table=table, phase=phase, levels=np.stack([row_level, column_level], axis=1),
         wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
         lines=f.DrivenLines() if is_driven else f.SelectedCells(),
     )  # fmt: skip
