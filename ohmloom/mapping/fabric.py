@@ -122,10 +122,10 @@ def build_fabric(
     constants = np.zeros(1, dtype=f.CONSTANT_FIELDS)
     constants[0] = (
         MODES[drive.mode], PARALLELISMS[drive.parallelism], drive.shape.event, drive.pulse_voltage.value,
-        counts_half_selects, bool(table[:, 0].any()), effects["asymmetry"], effects["metering_delay"], effects["cycle_to_cycle"],
-        die.keys.get("cycle_to_cycle", 0), effects["half_select"], effects["read_disturb"], effects["read_noise"],
-        die.keys.get("read_noise", 0), effects.bits, effects.settled, effects.decay, hardware.read.voltage.value,
-        hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain, r.high_count, r.clamp, r.carry_state,
+        counts_half_selects, bool(table[:, 0].any()), effects["asymmetry"], effects["metering_delay"],
+        effects["cycle_to_cycle"], die.keys.get("cycle_to_cycle", 0), effects["half_select"],
+        effects["read_disturb"], effects["read_noise"], die.keys.get("read_noise", 0), effects.bits, effects.settled, effects.decay,
+        hardware.read.voltage.value, hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain, r.high_count, r.clamp, r.carry_state,
     )  # fmt: skip
     starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64)
     reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps)

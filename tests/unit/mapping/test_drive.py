@@ -1,4 +1,4 @@
-"""What a drive can and cannot do: waveforms and pulse shapes on the emulated array, and what a spec must not ask for."""
+"""Waveforms and pulse shapes on the emulated array, and what a spec must not ask for."""
 
 import math
 
@@ -82,30 +82,33 @@ def test_a_pulse_that_is_cut_moves_less(changed):
     ("spec", "sections", "message"),
     [
         ("hp_passive", {"drive": {"mode": "current", "pulse_duration": 1e-3}},
-         r"drive\.mode: expected 'voltage' on a passive array, got 'current'\. Current and meters need one selected cell"),
+         r"drive\.mode: expected 'voltage' on a passive array, got 'current'\. Current and meters need one"),
         ("hp_passive", {"drive": {"mode": "charge_metered", "parallelism": "column"}},
          r"drive\.mode: expected 'voltage' on a passive array, got 'charge_metered'"),
         ("hp_passive", {"drive": {"parallelism": "column"}},
          r"drive\.parallelism: expected 'array' on a passive array, got 'column'"),
         ("hp_passive", {"array": {"disabled": "masked"}},
-         r"array: expected disabled 'unformed' or 'present' with access = 'passive': only a transistor can mask a cell"),
+         r"array: expected disabled 'unformed' or 'present' with access = 'passive': only a transistor can mask"),
         ("ideal", {"drive": {"threshold": 0.4}},
-         r"drive\.threshold: expected no event for ls \(pre, post\) = \(0, 2\), got a negative event at -0\.5 V against a "
-         r"threshold of 0\.4 V\. Choose a threshold from 0\.5 V, .* to below 1 V"),
+         r"drive\.threshold: expected no event for ls \(pre, post\) = \(0, 2\), got a negative event at -0\.5 V "
+         r"against a threshold of 0\.4 V\. Choose a threshold from 0\.5 V, .* to below 1 V"),
         ("ideal", {"drive": {"threshold": 1.1}},
          r"drive\.threshold: expected a positive event for ls \(pre, post\) = \(2, 3\), got no event at 1 V"),
         ("ideal", {"drive": {"waveform": "user", "levels": (0.0, -1.0, -1.0, 1.0)}},
          r"\(1, 3\), got a positive event .*No threshold separates this waveform: .*\(1, 3\).* fire wrongly at any"),
         ("ideal", {"nonidealities": {"event_charge": -0.1}},
          r"nonidealities\.event_charge: expected a value and range >= 0, not -0\.1"),
-        ("ideal", {"nonidealities": {"stuck_on": 1.5}}, r"nonidealities\.stuck_on: expected a value and range in \[0, 1\]"),
+        ("ideal", {"nonidealities": {"stuck_on": 1.5}},
+         r"nonidealities\.stuck_on: expected a value and range in \[0, 1\]"),
         ("ideal", {"nonidealities": {"quantisation": 2.5}},
          r"nonidealities\.quantisation: expected a whole number from 1 to 32, not 2\.5"),
         ("ideal", {"nonidealities": {"read_nois": 0.1}},
          r"nonidealities\.read_nois: expected no such key, .*Did you mean 'read_noise'\?"),
-        ("ideal", {"drive": {"slot": 1e-3}}, r"drive: expected slot with pulse_duration and a pulse_shape that has edges"),
+        ("ideal", {"drive": {"slot": 1e-3}},
+         r"drive: expected slot with pulse_duration and a pulse_shape that has edges"),
         ("ideal", {"drive": {"pulse_shape": "rc"}}, r"drive: expected edge with pulse_shape = 'trapezoid' or 'rc'"),
-        ("ideal", {"drive": {"levels": (0.0, 0.0, -1.0, 1.0)}}, r"drive: expected either levels or phases with waveform = 'user'"),
+        ("ideal", {"drive": {"levels": (0.0, 0.0, -1.0, 1.0)}},
+         r"drive: expected either levels or phases with waveform = 'user'"),
         ("ideal", {"wires": {"r_row": 1e-3}},
          r"drive\.parallelism: expected 'cell' or 'column' for current pulses through wires, got 'array'"),
         # An effect that nothing would show.

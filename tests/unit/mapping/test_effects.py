@@ -103,7 +103,7 @@ def event_charge(run, die):
 
 @case
 def threshold(run, die):
-    """At 1 V and half of it: an event is lost above the one, a half-select writes below the other, up and down again."""
+    """An event of 1 V is lost above it; half a volt on the row writes below it, up and down again."""
     seen = set()
     for k in range(12):
         emulated = run({"threshold": 0.6}, die=k)
@@ -242,7 +242,7 @@ def metering_delay(run, die):
 
 @case
 def read_noise(run, die):
-    """Independent from device to device, so that three have sqrt(3) times the spread of one; the same from run to run."""
+    """Independent from device to device: three have sqrt(3) times the spread of one. A run repeats it."""
     emulated = run(
         {"read_noise": 0.05}, network=THREE.replace(readings=READINGS.model_copy(update={"synapse_gain": 0.4}))
     )
