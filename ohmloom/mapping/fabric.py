@@ -128,7 +128,7 @@ def build_fabric(
         hardware.read.voltage.value, hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain, r.high_count, r.clamp, r.carry_state,
     )  # fmt: skip
     starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64)
-    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps)
+    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps, cells)
     fabric = f.Fabric(
         cells=cell, starts=starts, reads=reads, read_starts=read_starts,
         tiles=tiles, neurons=neurons, constants=constants,
@@ -404,13 +404,20 @@ def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int], *, as_wired: bo
     )  # fmt: skip
 
 
-def _reads(die: Die, taps: IntArray) -> tuple[Any, IntArray]:
-    """What each receiver's bit lines read from every word line, and where each receiver begins."""
+def _reads(die: Die, taps: IntArray, cells: list[_Cell]) -> tuple[Any, IntArray]:
+    """What each receiver's bit lines read from every word line, and where each receiver begins.
+
+    Beside a reference column, word lines that nothing connects with a receiver's bit line stay at 0 V while that is read:
+    the reference would be subtracted for nothing.
+    """
     plan, found = die.plan, []
+    conducting = {(c.tile, c.row, c.column) for c in cells}
     for t, tile in enumerate(plan.tiles):
         repair, pad = die.repairs[t], _padding(plan, t)
         for j, receiver in enumerate(tile.columns):
             for i, sender in enumerate(tile.rows):
+                if tile.has_reference and (t, int(repair.rows[i]), int(repair.columns[j])) not in conducting:
+                    continue
                 polarity = _row_polarity(plan, sender) * tile.column_signs[j]
                 entry = (sender, taps[sender, receiver], t, pad + repair.rows[i], repair.columns[j], polarity)
                 found.append((receiver, sender, t, entry))
