@@ -86,6 +86,7 @@ CONSTANT_FIELDS = np.dtype([
     # drive
     ("mode", "i8"), ("parallelism", "i8"), ("event_level", "f8"), ("pulse_voltage", "f8"),
     ("counts_half_selects", "?"),
+    ("may_write_idle", "?"),  # whether a cell may see something that matters while its column's neuron is idle
     # effects
     ("asymmetry", "f8"), ("metering_delay", "f8"), ("cycle_to_cycle", "f8"), ("cycle_key", "u8"),
     ("half_select", "f8"), ("read_disturb", "f8"), ("read_noise", "f8"), ("read_key", "u8"), ("bits", "i8"),

@@ -193,8 +193,8 @@ def program_cells(
     """Program cells that see exactly the voltage of their lines, or that are selected one by one."""
     for j in range(INPUTS, neurons.shape[0]):
         post = neurons[j]["ls"]
-        if post == 0:
-            continue  # nothing is asked for, and no waveform has a level that fires, where ls = 0
+        if post == 0 and not constants["may_write_idle"]:
+            continue  # nothing is asked for where ls = 0, and no cell of this die sees enough there
         for k in range(starts[j], starts[j + 1]):
             cell = cells[k]
             pre = neurons[cell["sender"]]["ls"]

@@ -118,21 +118,22 @@ def build_fabric(
         r.y_thresh * die.neuron_threshold,
     )
     neurons["offset"], neurons["full_scale"] = die.sense_offset, _full_scale(plan)
+    table = _table(plan, lowest, counts_half_selects)
     constants = np.zeros(1, dtype=f.CONSTANT_FIELDS)
     constants[0] = (
         MODES[drive.mode], PARALLELISMS[drive.parallelism], drive.shape.event, drive.pulse_voltage.value,
-        counts_half_selects, effects["asymmetry"], effects["metering_delay"], effects["cycle_to_cycle"],
-        die.keys.get("cycle_to_cycle", 0), effects["half_select"], effects["read_disturb"], effects["read_noise"],
-        die.keys.get("read_noise", 0), effects.bits, effects.settled, effects.decay, hardware.read.voltage.value,
-        hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain, r.high_count, r.clamp, r.carry_state,
+        counts_half_selects, bool(table[:, 0].any()), effects["asymmetry"], effects["metering_delay"],
+        effects["cycle_to_cycle"], die.keys.get("cycle_to_cycle", 0), effects["half_select"],
+        effects["read_disturb"], effects["read_noise"], die.keys.get("read_noise", 0), effects.bits, effects.settled,
+        effects.decay, hardware.read.voltage.value, hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain,
+        r.high_count, r.clamp, r.carry_state,
     )  # fmt: skip
     starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64)
-    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps)
+    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps, cells)
     fabric = f.Fabric(
         cells=cell, starts=starts, reads=reads, read_starts=read_starts,
         tiles=tiles, neurons=neurons, constants=constants,
-        table=_table(plan, lowest, counts_half_selects), phase=phase,
-        levels=np.stack([row_level, column_level], axis=1),
+        table=table, phase=phase, levels=np.stack([row_level, column_level], axis=1),
         wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
         lines=f.DrivenLines() if is_driven else f.SelectedCells(),
     )  # fmt: skip
@@ -404,13 +405,20 @@ def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int], *, as_wired: bo
     )  # fmt: skip
 
 
-def _reads(die: Die, taps: IntArray) -> tuple[Any, IntArray]:
-    """What each receiver's bit lines read from every word line, and where each receiver begins."""
+def _reads(die: Die, taps: IntArray, cells: list[_Cell]) -> tuple[Any, IntArray]:
+    """What each receiver's bit lines read from every word line, and where each receiver begins.
+
+    Beside a reference column, word lines that nothing connects with a receiver's bit line stay at 0 V while that is
+    read: the reference would be subtracted for nothing.
+    """
     plan, found = die.plan, []
+    conducting = {(c.tile, c.row, c.column) for c in cells}
     for t, tile in enumerate(plan.tiles):
         repair, pad = die.repairs[t], _padding(plan, t)
         for j, receiver in enumerate(tile.columns):
             for i, sender in enumerate(tile.rows):
+                if tile.has_reference and (t, int(repair.rows[i]), int(repair.columns[j])) not in conducting:
+                    continue
                 polarity = _row_polarity(plan, sender) * tile.column_signs[j]
                 entry = (sender, taps[sender, receiver], t, pad + repair.rows[i], repair.columns[j], polarity)
                 found.append((receiver, sender, t, entry))

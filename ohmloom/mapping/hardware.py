@@ -95,9 +95,9 @@ class DriveSpec(StrictModel):
     columns) or ``phases``. ``parallelism``: one ``cell`` at a time, one cell per ``column`` at a time, or the whole
     ``array``. ``pulse_duration`` [s]: for current pulses; for fixed voltages, without it, each kind gets the duration
     that is right at W = 0.5. ``pulse_shape`` with ``edge`` [s]: the time of an edge, or the time constant of an
-    RC-limited one; ``slot`` [s]: when the next pulse begins, so that a tail is cut. ``pulse_voltage``: what an event puts on a device
-    [V]. ``compliance_current`` [A], ``compliance_voltage`` [V]: what driver and cell stand; a plan that exceeds them is
-    refused.
+    RC-limited one; ``slot`` [s]: when the next pulse begins, so that a tail is cut. ``pulse_voltage``: what an event
+    puts on a device [V]. ``compliance_current`` [A], ``compliance_voltage`` [V]: what driver and cell stand; a plan
+    that exceeds them is refused.
     """
 
     mode: Literal["charge_metered", "current", "voltage", "exact_width"]

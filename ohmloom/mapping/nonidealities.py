@@ -63,9 +63,11 @@ def _meters(spec: _HardwareFile) -> str | None:
 
 
 def _half_selects(spec: _HardwareFile) -> str | None:
-    if spec.drive.parallelism == "array":
-        return None
-    return "only selected cells see a programming voltage; half-selects need drive.parallelism = 'array'"
+    if spec.drive.parallelism != "array":
+        return "only selected cells see a programming voltage; half-selects need drive.parallelism = 'array'"
+    if spec.drive.mode != "voltage":
+        return f"drive.mode is {spec.drive.mode!r}, which puts no voltage on lines; half-selects need 'voltage'"
+    return None
 
 
 def _reads_charge(spec: _HardwareFile) -> str | None:

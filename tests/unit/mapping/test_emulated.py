@@ -5,28 +5,95 @@ import pytest
 
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, place
+from ohmloom.mapping.fabric import pulse_of
 from ohmloom.neurocontroller import Network, Readings, SpikingController, Synapse, mutate
+from ohmloom.neurocontroller.kinds import PLASTIC_KINDS, reads_with_reference
+from ohmloom.sim.exactness import exact_variant
 
 SENSORS = (0.0, 0.3, 0.0, 0.2, 0.8, 1.0)
+SYSTEMS = ["HP", "PEO", "GA", "HET", "LIN"]
 
 
-def pair(network, spec="het_mixed", **options):
-    return SpikingController(network), EmulatedController(place(network, Hardware.load(spec)).nominal(), **options)
+def hardware_of(name):
+    """A shipped spec, or ``het_mixed`` on selected cells without wires in a mode."""
+    return Hardware.load(name) if name == "ideal" else exact_variant(Hardware.load("het_mixed"), name)
 
 
-@pytest.mark.parametrize("spec", ["ideal", "het_mixed"])
-@pytest.mark.parametrize("system", ["HP", "PEO", "GA", "HET", "LIN"])
-def test_every_spike_is_the_discrete_one(system, spec):
+def discrete_of(network, hardware):
+    """The discrete model of the spec's cards: moved by charge, or by pulses of fixed voltage."""
+    if hardware.drive.mode != "voltage":
+        return SpikingController(network, cards=hardware.devices)
+    plastic = {s.kind for s in network.synapses} & set(PLASTIC_KINDS)
+    pulses = {kind: pulse_of(hardware, kind, has_reference=reads_with_reference(kind)).flux for kind in plastic}
+    return SpikingController(network, plasticity="flux", cards=hardware.devices, event_flux=pulses)
+
+
+def pair(network, name="charge_metered", **options):
+    hardware = hardware_of(name)
+    return discrete_of(network, hardware), EmulatedController(place(network, hardware).nominal(), **options)
+
+
+def network_of(system):
     rng = np.random.default_rng(11)
     network = Network.random(system=system, rng=rng)
     for _ in range(3):
         network = mutate(network, rng=rng)
-    discrete, emulated = pair(network, spec)
-    for sensors in rng.random((60, 6)):
+    return network
+
+
+@pytest.mark.parametrize("name", ["ideal", "charge_metered", "exact_width", "voltage"])
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_every_spike_and_weight_is_the_discrete_one(system, name):
+    """To the last bit, of every device that events move."""
+    network = network_of(system)
+    discrete, emulated = pair(network, name)
+    is_plastic = np.array([s.kind in PLASTIC_KINDS for s in network.synapses])
+    for sensors in np.random.default_rng(2).random((60, 6)):
         for _ in range(21):
             assert (discrete.spikes(sensors) == emulated.spikes(sensors)).all()
-        np.testing.assert_allclose(emulated.weights, discrete.weights, rtol=0, atol=1e-9)
+        # A flux is inverted when an event is counted, in the discrete model at the start too: 1e-13 of W there.
+        is_equal = is_plastic & (emulated.pulses > 0) if name == "voltage" else is_plastic
+        assert (emulated.weights[is_equal] == discrete.weights[is_equal]).all()
+        # A constant weight goes through its device's state, which rounds it.
+        np.testing.assert_allclose(emulated.weights, discrete.weights, rtol=0, atol=1e-12)
     assert emulated.ledger.events == sum(discrete.events)
+    assert (emulated.ledger.events > 100) == (system != "GA")
+
+
+@pytest.mark.parametrize("name", ["charge_metered", "current", "exact_width", "voltage"])
+def test_closed_forms_are_the_solutions_of_the_differential_equations(name):
+    if name == "current":
+        hardware = Hardware.load("ideal")
+    elif name == "exact_width":
+        # The driver's table is built for a selected cell; the paper's normalised cards keep all scales near 1.
+        hardware = exact_variant(Hardware.load("ideal"), name)
+    else:
+        hardware = exact_variant(Hardware.load("het_mixed"), name)
+    die = place(network_of("HET"), hardware).nominal()
+    closed, integrated = EmulatedController(die), EmulatedController(die, integrate=True)
+    for sensors in np.random.default_rng(3).random((12, 6)):
+        assert closed.step(sensors) == integrated.step(sensors)
+        assert (closed.spike_counts == integrated.spike_counts).all()
+        # Of W, over some hundred pulses; a missing term of the state equation is of 1e-5.
+        np.testing.assert_allclose(integrated.weights, closed.weights, rtol=0, atol=1e-9)
+    a, b = closed.ledger, integrated.ledger
+    assert a.events == b.events > 100
+    assert b.charge == pytest.approx(a.charge, rel=1e-6)
+    assert b.programming_energy == pytest.approx(a.programming_energy, rel=1e-6)
+    assert b.worst_programming_time == pytest.approx(a.worst_programming_time, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["charge_metered", "voltage"])
+def test_solving_lines_without_resistance_changes_no_bit(name):
+    die = place(network_of("HET"), hardware_of(name)).nominal()
+    plain, wired = EmulatedController(die), EmulatedController(die, as_wired=True)
+    for sensors in np.random.default_rng(4).random((20, 6)):
+        assert plain.step(sensors) == wired.step(sensors)
+        assert (plain.spike_counts == wired.spike_counts).all()
+        assert (plain.membranes == wired.membranes).all()
+        assert (plain.weights == wired.weights).all()
+        assert (plain.read_weights == wired.read_weights).all()
+    assert plain.ledger.events == wired.ledger.events > 100
 
 
 @pytest.mark.parametrize(
@@ -56,7 +123,7 @@ def test_a_thousandth_more_charge_moves_the_weights():
 def test_one_positive_event_moves_the_charge_by_a_thousandth():
     """Input 0 always spikes and its receiver follows one step later, so both kinds of event are known."""
     network = Network(system="HP", hidden=("excitatory",), synapses=(Synapse(0, 6, "hp", 0.5),))
-    _, emulated = pair(network, "hp_1t1r")
+    _, emulated = pair(network)
     before = emulated.states[0]
     moved = 0
     for _ in range(21):
@@ -88,11 +155,10 @@ def test_charge_energy_and_time_of_metered_pulses():
 
 
 def test_lost_events_are_counted_when_thresholds_are_too_high():
-    plan = place(Network.random(system="HP", rng=np.random.default_rng(2)), Hardware.load("hp_1t1r"))
-    hardware = plan.hardware
+    network, hardware = Network.random(system="HP", rng=np.random.default_rng(2)), hardware_of("charge_metered")
     high = hardware.drive.threshold.model_copy(update={"value": 0.75})
     wide = hardware.nonidealities.model_copy(update={"threshold": high.model_copy(update={"value": 0.5})})
-    die = place(plan.network, hardware.model_copy(update={"nonidealities": wide})).sample(seed=1)
+    die = place(network, hardware.model_copy(update={"nonidealities": wide})).sample(seed=1)
     emulated = EmulatedController(die)
     for _ in range(10):
         emulated.step(SENSORS)
