@@ -103,7 +103,8 @@ def build_fabric(
             c.sender, c.receiver, c.tile, c.row + _padding(plan, c.tile), c.column, taps[c.sender, c.receiver],
             next(other) if c.synapse is None else c.synapse, c.synapse is not None, c.fixed is None, c.polarity,
             c.state, coordinate(c.tile, c.state), c.state if point is None else point.state,
-            0.0 if c.fixed is None else c.fixed, (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k], series[k],
+            0.0 if c.fixed is None else c.fixed, (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k],
+            series[k],
         )  # fmt: skip
     tiles = np.zeros(len(devices), dtype=f.TILE_FIELDS)
     for t, device in enumerate(devices):
@@ -125,7 +126,8 @@ def build_fabric(
         counts_half_selects, bool(table[:, 0].any()), effects["asymmetry"], effects["metering_delay"],
         effects["cycle_to_cycle"], die.keys.get("cycle_to_cycle", 0), effects["half_select"],
         effects["read_disturb"], effects["read_noise"], die.keys.get("read_noise", 0), effects.bits, effects.settled,
-        effects.decay, hardware.read.voltage.value, hardware.read.duration.value, r.last_spike, r.c, r.c_ini, r.synapse_gain,
+        effects.decay, hardware.read.voltage.value, hardware.read.duration.value, r.last_spike, r.c, r.c_ini,
+        r.synapse_gain,
         r.high_count, r.clamp, r.carry_state,
     )  # fmt: skip
     starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64)

@@ -80,7 +80,7 @@ def test_negative_numbers_are_refused(name):
 
 
 def test_card_of_another_ratio_claims_no_equality_with_the_paper():
-    hardware = Hardware.load("hp_1t1r")
+    hardware = Hardware.load("ideal")
     network = Network.random(system="HP", rng=np.random.default_rng(3))
     other = hardware.model_copy(update={"cards": {**hardware.cards, "hp": "hp_tio2"}})
     study = feasibility(network, other, dies=0, arena=SHORT)
