@@ -22,16 +22,17 @@ SURFACE = {
     ],
     "ohmloom.fmu": [
         "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "HostedDevice", "check",
-        "export_arena", "export_controller", "export_crossbar", "export_device", "export_system", "reference_errors",
-        "run", "run_ssp", "simulate_hosted",
+        "export_arena", "export_controller", "export_crossbar", "export_device", "export_hardware_controller",
+        "export_system", "reference_errors", "run", "run_ssp", "simulate_hosted",
     ],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",
         "SpikingController", "Synapse", "champion", "mutate",
     ],
     "ohmloom.sim": [
-        "Agreement", "Arena", "Controller", "Divergence", "Evolution", "EvolutionSettings", "Feasibility", "Figure",
-        "OpenSettings", "Score", "Trial", "TrialArena", "agreement", "evolve", "feasibility", "run_trial",
+        "Agreement", "Arena", "Check", "Controller", "Divergence", "Evolution", "EvolutionSettings", "Feasibility",
+        "Figure", "OpenSettings", "Scheme", "Score", "Trial", "TrialArena", "agreement", "check", "evolve",
+        "feasibility", "run_trial",
     ],
 }  # fmt: skip
 

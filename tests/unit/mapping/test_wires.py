@@ -174,9 +174,7 @@ def test_a_selected_cell_loses_what_its_wires_take(changed):
     spec = changed(
         "hp_1t1r", drive={"mode": "voltage"}, wires={"r_row": 100.0, "r_column": 100.0}, limits={"read_error": 0.9}
     )
-    network = Network(
-        system="HP", hidden=("excitatory",), synapses=(Synapse(0, 6, "hp", 0.5),)
-    )
+    network = Network(system="HP", hidden=("excitatory",), synapses=(Synapse(0, 6, "hp", 0.5),))
     emulated = EmulatedController(place(network, spec).nominal())
     device = spec.devices["hp"]
     s = emulated.states[0]
