@@ -1,4 +1,4 @@
-"""A die as a discrete FMU: the emulated controller, where it needs neither wires nor noise."""
+"""A die as a discrete FMU: the emulated controller, where events are charges and nothing is noisy."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ def export_hardware_controller(
     """Write a die as an FMU for co-simulation, spike for spike the emulated controller.
 
     Variables are those of `export_controller`. Devices, their states after programming and their spread, thresholds,
-    the waveform, faults, and the spread of neurons, senses and gains are those of the die.
+    the waveform, faults, wires that columns are read through, and the spread of neurons, senses and gains are those of
+    the die.
 
     Parameters
     ----------
     die
-        From `Plan.sample` or `Plan.nominal`, of hardware without wire resistance whose events are charges.
+        From `Plan.sample` or `Plan.nominal`, of hardware whose events are charges on selected cells.
     out, fmi, platforms
         As `export_device` has them.
 
@@ -41,7 +42,7 @@ def export_hardware_controller(
     ParameterError
         If an option is none of these.
     MappingError
-        If the die has wires, noise, or a drive that this FMU does not have; names all of them.
+        If the die has noise, ageing, or a drive that this FMU does not have; names all of them.
     OperationError
         If the compiler fails, or the file cannot be written.
     """
@@ -76,15 +77,19 @@ def export_hardware_controller(
 
 def _tables(where: str, die: Die) -> str:
     """The die as C constants: ``die.c``."""
-    from ohmloom.mapping._fabric import CHARGE_METERED, CURRENT, MAY_FIRE, ClosedPulses, NoWires
+    from ohmloom.mapping._fabric import CHARGE_METERED, CURRENT, MAY_FIRE, ClosedPulses, Wires
     from ohmloom.mapping.fabric import build_fabric
 
     fabric, _, _ = build_fabric(die)
     cells, tiles, neurons, c = fabric.cells, fabric.tiles, fabric.neurons, fabric.constants[0]
+    wires, reads = fabric.wires, fabric.reads
     problems = [
         text
         for text, is_there in (
-            ("wire resistances", not isinstance(fabric.wires, NoWires)),
+            (
+                "wires between ideal lines",
+                isinstance(wires, Wires) and not (wires.r_row > 0.0 and wires.r_column > 0.0),
+            ),
             ("laws without a closed form", not isinstance(fabric.pulses, ClosedPulses)),
             ("a drive by voltage", c["mode"] not in (CHARGE_METERED, CURRENT)),
             ("a metering delay", c["metering_delay"] != 0.0),
@@ -98,7 +103,7 @@ def _tables(where: str, die: Die) -> str:
         if is_there
     ]
     if problems:
-        raise MappingError(f"{where}: die: expected hardware without wires and noise whose events are charges, got "
+        raise MappingError(f"{where}: die: expected hardware without noise whose events are charges, got "
                            f"{', '.join(problems)} in {die.plan.hardware.name}. Run it here, by "
                            "EmulatedController.")  # fmt: skip
     live = cells["is_live"] & (tiles["family"][cells["tile"]] >= 0) if len(cells) else cells["is_live"]
@@ -126,18 +131,23 @@ def _tables(where: str, die: Die) -> str:
     parts = [
         f"/* {identifier(die.plan.network.name)} on {identifier(die.plan.hardware.name)}. */",
         '#include "law.c"',
-        f"enum {{ NEURONS = {len(neurons)}, CELLS = {max(len(cells), 1)}, "
-        f"SLOTS = {int(cells['tap'].max(initial=1)) + 1}, PHASES = {len(fabric.phase)} }};",
+        f"enum {{ NEURONS = {len(neurons)}, CELLS = {max(len(cells), 1)}, READS = {max(len(reads), 1)}, "
+        f"SLOTS = {int(reads['tap'].max(initial=1)) + 1}, PHASES = {len(fabric.phase)} }};",
         f"enum {{ LAST_SPIKE = {c['last_spike']}, CLAMP = {int(c['clamp'])}, CARRY_STATE = {int(c['carry'])} }};",
         *(f"#define {name} {number(c[field])}" for name, field in (
             ("EVENT_LEVEL", "event_level"), ("PULSE_VOLTAGE", "pulse_voltage"), ("ASYMMETRY", "asymmetry"))),
         array("int", "first_cell", fabric.starts.tolist(), "by receiver; the next one's is the end"),
-        *(array("int", f"cell_{name}", cells[name].tolist()) for name in ("sender", "tile", "tap")),
+        *(array("int", f"cell_{name}", cells[name].tolist()) for name in ("sender", "tile")),
+        array("int", "first_read", fabric.read_starts.tolist(), "what columns read, likewise"),
+        *(array("int", f"read_{name}", reads[name].tolist()) for name in ("sender", "tap")),
+        array("double", "read_polarity", reads["polarity"].tolist()),
+        *_wire_tables(fabric),
         array("int", "cell_is_live", live.astype(int).tolist(), "whether events move it"),
         *(array("double", f"cell_{name}", cells[field].tolist(), doc) for name, field, doc in (
-            ("polarity", "polarity", ""), ("start", "first_origin", "state"),
+            ("start", "first_origin", "state"),
             ("fixed", "fixed_g", "S, where no event moves it"),
-            ("factor", "factor", "charge of an event, 1 nominally"), ("threshold", "threshold", "V"))),
+            ("factor", "factor", "charge of an event, 1 nominally"), ("threshold", "threshold", "V"),
+            ("series", "series", "Ohm of the wires to it"))),
         *(array("double", f"tile_{name}", tiles[field].tolist(), doc) for name, field, doc in (
             ("gain", "gain", ""), ("reference", "reference", "S that is subtracted"), ("on", "g_on", "S"))),
         *(array("double", f"tile_p_{t}", [float(x) for x in die.plan.hardware.devices[tile.kind].parameters.values()])
@@ -152,3 +162,32 @@ def _tables(where: str, die: Die) -> str:
         "",
     ]  # fmt: skip
     return "\n".join(parts)
+
+
+def _wire_tables(fabric: Any) -> list[str]:
+    """Lines of all tiles, padded to the largest, where there are wires."""
+    from ohmloom.mapping._fabric import Wires
+
+    w = fabric.wires
+    if not isinstance(w, Wires):
+        return ["#define HAS_WIRES 0"]
+    tiles, rows, columns = w.still.shape
+    is_read = (w.column_neuron >= 0) | (np.arange(columns) == w.reference_column[:, None])
+    still = ", ".join(
+        "{" + ", ".join("{" + ", ".join(map(number, line)) + "}" for line in tile) + "}" for tile in w.still
+    )
+    flags = ", ".join("{" + ", ".join(str(int(x)) for x in line) + "}" for line in is_read)
+    return [
+        "#define HAS_WIRES 1",
+        f"enum {{ TILES = {tiles}, ROWS = {rows}, COLUMNS = {columns}, NODES = {2 * rows * columns}, "
+        f"BAND = {2 * min(rows, columns)} }};",
+        "/* S: of a segment of a row and of a column, of a driver and of a sense with theirs. */",
+        *(f"#define {name} {number(g)}" for name, g in (("ROW_G", 1.0 / w.r_row), ("COLUMN_G", 1.0 / w.r_column),
+                                                       ("DRIVER_G", w.near[0]), ("SENSE_G", w.far[0]))),
+        f"static const double still[][{rows}][{columns}] = {{{still}}};",
+        f"static const int column_is_read[][{columns}] = {{{flags}}};",
+        array("int", "reference_column", w.reference_column.tolist(), "-1 where a tile has none"),
+        *(array("int", f"cell_{name}", fabric.cells[name].tolist()) for name in ("row", "column")),
+        *(array("int", f"read_{name}", fabric.reads[name].tolist()) for name in ("row", "column")),
+        array("int", "read_tile_of", fabric.reads["tile"].tolist()),
+    ]  # fmt: skip

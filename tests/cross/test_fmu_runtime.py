@@ -37,8 +37,8 @@ def export(name, out, fmi):
     if name == "loop":
         arena = Arena.paper(task="static")
         return export_loop(out, champion("HET"), arena, 3, fmi=fmi, platforms="host")
-    if name == "hardware":
-        return export_hardware_controller(place(champion("HET"), Hardware.load("ideal")).nominal(), out, fmi=fmi)
+    if name in ("ideal", "het_mixed"):
+        return export_hardware_controller(place(champion("HET"), Hardware.load(name)).nominal(), out, fmi=fmi)
     if name == "crossbar":
         array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((3, 2), 0.4), r_row=1.0, r_column=1.0)
         return export_crossbar(array, out, fmi=fmi)
@@ -80,7 +80,8 @@ def sources(tmp_path, monkeypatch):
         "pickett",
         "controller",
         "arena",
-        "hardware",
+        "ideal",
+        "het_mixed",
         "loop",
         "crossbar",
         "netlist",
