@@ -64,13 +64,16 @@ def fmu_export(
     ] = None,
     hardware: Annotated[
         str | None,
-        typer.Option(metavar="HW", help="crossbar of a NET, hardware-controller: a shipped spec or a TOML file."),
+        typer.Option(
+            metavar="HW", help="crossbar of a NET, hardware-controller, system: a shipped spec or a TOML file."
+        ),
     ] = None,
     tile: Annotated[
         str | None, typer.Option(metavar="NAME", help="crossbar of a NET: number or kind of the tile, if several.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="hardware-controller: seed of a sampled die. Default: the nominal one.")
+        int | None,
+        typer.Option(min=0, help="hardware-controller, system: seed of a sampled die. Default: the nominal one."),
     ] = None,
     task: Annotated[Literal["static", "dynamic"], typer.Option(help="arena, system: the task.")] = "static",
     trial_key: Annotated[int, typer.Option(metavar="N", help="arena, system: key of the random numbers.")] = 0,
@@ -84,7 +87,7 @@ def fmu_export(
         wanted = {"device": "CARD", "crossbar": "FILE.netlist.json"}.get(kind, "NET")
         raise ParameterError(f"fmu export {kind}: expected a {wanted}, got none. Name it.")
     is_built = kind == "hardware-controller" or (kind == "crossbar" and not (source or "").endswith(".netlist.json"))
-    if (hardware is not None) != is_built:
+    if (hardware is not None) != is_built and kind != "system":
         got = "none" if hardware is None else hardware
         raise ParameterError(f"--hardware: expected one for hardware or a tile of a NET alone, got {got}. "
                              "Correct it.")  # fmt: skip
@@ -133,13 +136,14 @@ def _write(
     from ohmloom.neurocontroller import Network
 
     network = Network.load(source)
-    if kind == "hardware-controller":
+    if hardware is not None:
         from ohmloom.fmu import export_hardware_controller
         from ohmloom.mapping import Hardware, place
 
-        assert hardware is not None
         plan = place(network, Hardware.load(hardware))
         die = plan.nominal() if seed is None else plan.sample(seed=seed)
+        if kind == "system":
+            return export_system(die, out, fmi=fmi, platforms=platforms, task=task, trial_key=key)
         return export_hardware_controller(die, out, fmi=fmi, platforms=platforms)
     if kind == "controller":
         return export_controller(network, out, fmi=fmi, platforms=platforms)

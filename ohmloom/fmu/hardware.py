@@ -14,7 +14,7 @@ from ohmloom.fmu._compile import Platforms
 from ohmloom.fmu._netlist_model import law_text
 from ohmloom.fmu._tables import array, number
 from ohmloom.fmu.build import Export, build, check_options
-from ohmloom.fmu.description import Description, FmiVersion
+from ohmloom.fmu.description import Description, FmiVersion, Variable
 from ohmloom.fmu.discrete import LICENCE, TIMESTEP, runtime_file
 from ohmloom.mapping.die import Die
 
@@ -22,7 +22,7 @@ PARAMETERS = ("c", "c_ini", "synapse_gain", "high_count")  # in the order of har
 
 
 def export_hardware_controller(
-    die: Die, out: Path | str, *, fmi: FmiVersion = 2, platforms: Platforms = "host"
+    die: Die, out: Path | str, *, fmi: FmiVersion = 2, platforms: Platforms = "host", timestep: float = TIMESTEP
 ) -> Export:
     """Write a die as an FMU for co-simulation, spike for spike the emulated controller.
 
@@ -36,6 +36,8 @@ def export_hardware_controller(
         From `Plan.sample` or `Plan.nominal`, of hardware whose events are charges on selected cells.
     out, fmi, platforms
         As `export_device` has them.
+    timestep
+        As `export_controller` has it.
 
     Raises
     ------
@@ -49,23 +51,17 @@ def export_hardware_controller(
     where = "export_hardware_controller"
     expect_type(f"{where}: die", die, Die)
     path = check_options(where, out, fmi, platforms)
-    tables = _tables(where, die)
+    parts = die_parts(where, die)
     network, hardware = die.plan.network, die.plan.hardware
     name = f"{network.name}_{hardware.name}"
-    plain = code.controller_description(network, TIMESTEP)
-    by_name = {v.name: v for v in plain.variables}
-    variables = (*(by_name[name] for name in PARAMETERS), *(v for v in plain.variables if v.kind != "start"))
+    plain = code.controller_description(network, timestep)
+    variables = (*die_parameters(die), *(v for v in plain.variables if v.kind != "start"))
     description = Description(
         name=name, identifier=identifier(name), doc=f"{plain.doc}, on {hardware.name}", stop_time=plain.stop_time,
-        step_size=TIMESTEP, timestep=TIMESTEP, has_derivatives=False, variables=variables,
+        step_size=timestep, timestep=timestep, has_derivatives=False, variables=variables,
     )  # fmt: skip
-    model = {
-        "model.c": code.model_code(code.CONTROLLER.replace("controller.c", "hardware.c").replace("network.c", "die.c"),
-                                   description),
-        "die.c": tables,
-        "law.c": law_text((hardware.devices[tile.kind] for tile in die.plan.tiles), ["conductance"]),
-        "hardware.c": runtime_file("hardware.c"),
-    }  # fmt: skip
+    template = code.CONTROLLER.replace("controller.c", "hardware.c").replace("network.c", "die.c")
+    model = {**parts, "model.c": code.model_code(template, description)}
     which = "the nominal die" if die.seed is None else f"die {die.index} of seed {die.seed}"
     paragraphs = [
         f"Network {network.name} (sha256 {network.sha256}) on {hardware.name}, {which}: 21 steps of the network in a "
@@ -73,6 +69,28 @@ def export_hardware_controller(
         LICENCE,
     ]
     return build(path, description, model, paragraphs, fmi=fmi, platforms=platforms)
+
+
+def die_parameters(die: Die) -> tuple[Variable, ...]:
+    """In the order of hardware.c: the readings that a die does not spread."""
+    by_name = {v.name: v for v in code.controller_parameters(die.plan.network)}
+    return tuple(by_name[name] for name in PARAMETERS)
+
+
+def die_parts(where: str, die: Die) -> dict[str, str]:
+    """The C files of a die's controller but ``model.c``.
+
+    Raises
+    ------
+    MappingError
+        If the die needs what they do not have.
+    """
+    devices = die.plan.hardware.devices
+    return {
+        "die.c": _tables(where, die),
+        "law.c": law_text((devices[tile.kind] for tile in die.plan.tiles), ["conductance"]),
+        "hardware.c": runtime_file("hardware.c"),
+    }
 
 
 def _tables(where: str, die: Die) -> str:

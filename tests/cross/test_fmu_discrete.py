@@ -9,9 +9,8 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from ohmloom.errors import MappingError, ParameterError, UnknownNameError
-from ohmloom.fmu import check, export_arena, export_controller, export_hardware_controller
+from ohmloom.fmu import check, export_arena, export_controller, export_hardware_controller, export_system
 from ohmloom.fmu._discrete_code import key_parts
-from ohmloom.fmu.discrete import export_loop
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, Readings, SpikingController, champion
 from ohmloom.sim import Arena, run_trial
@@ -102,7 +101,7 @@ def test_an_arena_is_that_of_a_trial_step_for_step(files, master, name, arena, f
 def test_the_loop_in_one_fmu_is_a_trial(files, master, fmi):
     arena = Arena.paper(task="dynamic")
     trial = run_trial(SpikingController(champion("HET")), arena, trial_key=KEY)
-    file = files(f"loop{fmi}", lambda out: export_loop(out, champion("HET"), arena, 1, fmi=fmi, platforms="host"))
+    file = files(f"loop{fmi}", lambda out: export_system(champion("HET"), out, task=arena, trial_key=1, fmi=fmi))
     one = master(file, **key_parts(KEY))
     path, acted = [one.get(*POSE)], []
     # Two timesteps in one communication step are two timesteps.
@@ -171,6 +170,16 @@ def test_a_die_is_the_emulated_one_spike_for_spike(files, master, spread_die):
         ends.append(trial.path[-1])
     assert (ends[0] != ends[1]).any()
     assert (ends[0] != ends[2]).any()
+
+
+def test_a_die_in_its_arena_is_a_trial(files, master, spread_die):
+    trial = run_trial(EmulatedController(spread_die), Arena.paper(), trial_key=KEY)
+    one = master(files("dieloop", lambda out: export_system(spread_die, out, task="static", trial_key=KEY)))
+    path = []
+    for k in range(400):
+        one.step(k)
+        path.append(one.get(*POSE))
+    np.testing.assert_array_equal(path, np.column_stack([trial.path, trial.st])[1:401])
 
 
 def test_a_die_that_needs_more_is_refused(tmp_path):

@@ -14,9 +14,15 @@ import pytest
 from ohmloom.circuits import CurrentSource, Memristor, MemristorCrossbar, Netlist, VoltageSource
 from ohmloom.devices import Device
 from ohmloom.errors import OperationError
-from ohmloom.fmu import export_arena, export_controller, export_crossbar, export_device, export_hardware_controller
+from ohmloom.fmu import (
+    export_arena,
+    export_controller,
+    export_crossbar,
+    export_device,
+    export_hardware_controller,
+    export_system,
+)
 from ohmloom.fmu.build import HEADERS
-from ohmloom.fmu.discrete import export_loop
 from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import KINDS, LATTICES, Readings, champion
 from ohmloom.sim import Arena
@@ -36,7 +42,7 @@ def export(name, out, fmi):
         return export_arena("dynamic", out, fmi=fmi)
     if name == "loop":
         arena = Arena.paper(task="static")
-        return export_loop(out, champion("HET"), arena, 3, fmi=fmi, platforms="host")
+        return export_system(champion("HET"), out, task=arena, trial_key=3, fmi=fmi)
     if name in ("ideal", "het_mixed"):
         return export_hardware_controller(place(champion("HET"), Hardware.load(name)).nominal(), out, fmi=fmi)
     if name == "crossbar":

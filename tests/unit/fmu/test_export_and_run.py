@@ -198,7 +198,8 @@ def test_the_command_line_exports_a_loop_and_runs_it(command, tmp_path):
         for k, (p, n) in enumerate(("ab", "b0"))
     ]
     Netlist(elements=(VoltageSource(name="V1", p="a", n="0", voltage=1.0), *parts)).save(deck)
-    for kind, source in (("controller", [net]), ("arena", []), ("crossbar", [deck])):
+    for kind, source in (("controller", [net]), ("arena", []), ("crossbar", [deck]),
+                         ("hardware-controller", [net, "--hardware", "ideal", "--seed", "2"])):  # fmt: skip
         code, text, _ = command("export", kind, *source, "--fmi", "3", "--out", tmp_path / f"{kind}.fmu", "--json")
         assert code == 0
         assert json.loads(text)["platforms"]
