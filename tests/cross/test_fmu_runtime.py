@@ -46,7 +46,7 @@ def export(name, out, fmi):
     if name in ("ideal", "het_mixed"):
         return export_hardware_controller(place(champion("HET"), Hardware.load(name)).nominal(), out, fmi=fmi)
     if name == "crossbar":
-        array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((3, 2), 0.4), r_row=1.0, r_column=1.0)
+        array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 2), 0.4), r_row=1.0, r_column=1.0)
         return export_crossbar(array, out, fmi=fmi)
     if name == "netlist":
         # Not ohmic, with two cards, a current source and no wire.
