@@ -39,18 +39,20 @@ TimeoutOption = Annotated[float, typer.Option(min=0.001, metavar="S", help="Long
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 
 
-Kind = Literal["device", "crossbar", "controller", "arena", "system"]
+Kind = Literal["device", "crossbar", "controller", "hardware-controller", "arena", "system"]
 
 
 @app.command("export")
 def fmu_export(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="device, crossbar, controller, arena or system.")],
+    kind: Annotated[
+        Kind, typer.Argument(metavar="KIND", help="device, crossbar, controller, hardware-controller, arena or system.")
+    ],
     source: Annotated[
         str | None,
         typer.Argument(
             metavar="[CARD|FILE|NET]",
             help="device: a shipped card or a TOML file; crossbar: a *.netlist.json, or a *.net.json with --hardware; "
-            "controller, system: a *.net.json.",
+            "others: a *.net.json.",
         ),
     ] = None,
     *,
@@ -61,10 +63,17 @@ def fmu_export(
         str | None, typer.Option(metavar="C", help="device: charge at the start. Default: where W = 0.5.")
     ] = None,
     hardware: Annotated[
-        str | None, typer.Option(metavar="HW", help="crossbar of a NET: a shipped spec or a TOML file.")
+        str | None,
+        typer.Option(
+            metavar="HW", help="crossbar of a NET, hardware-controller, system: a shipped spec or a TOML file."
+        ),
     ] = None,
     tile: Annotated[
         str | None, typer.Option(metavar="NAME", help="crossbar of a NET: number or kind of the tile, if several.")
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="hardware-controller, system: seed of a sampled die. Default: the nominal one."),
     ] = None,
     task: Annotated[Literal["static", "dynamic"], typer.Option(help="arena, system: the task.")] = "static",
     trial_key: Annotated[int, typer.Option(metavar="N", help="arena, system: key of the random numbers.")] = 0,
@@ -77,14 +86,17 @@ def fmu_export(
     elif source is None:
         wanted = {"device": "CARD", "crossbar": "FILE.netlist.json"}.get(kind, "NET")
         raise ParameterError(f"fmu export {kind}: expected a {wanted}, got none. Name it.")
-    if (hardware is None) != (kind != "crossbar" or (source or "").endswith(".netlist.json")):
+    is_built = kind == "hardware-controller" or (kind == "crossbar" and not (source or "").endswith(".netlist.json"))
+    if (hardware is not None) != is_built and kind != "system":
         got = "none" if hardware is None else hardware
-        raise ParameterError(f"--hardware: expected one for the crossbar of a NET, and for that alone, got {got}. "
+        raise ParameterError(f"--hardware: expected one for hardware or a tile of a NET alone, got {got}. "
                              "Correct it.")  # fmt: skip
     if q0 is not None and kind != "device":
         raise ParameterError(f"--q0: expected a device, got {kind}. Leave it out.")
     _check_out(out, Path(source or ""))
-    written = _write(kind, source or "", out, 2 if fmi == "2" else 3, platforms, q0, task, trial_key, hardware, tile)
+    written = _write(
+        kind, source or "", out, 2 if fmi == "2" else 3, platforms, q0, task, trial_key, hardware, tile, seed
+    )
     if json_:
         print(json.dumps({"file": str(written.path), "platforms": written.platforms, "token": written.token,
                           "size": written.size}, indent=1))  # fmt: skip
@@ -104,6 +116,7 @@ def _write(
     key: int,
     hardware: str | None,
     tile: str | None,
+    seed: int | None,
 ) -> Export:
     if kind == "device":
         from ohmloom.devices import Device
@@ -123,6 +136,15 @@ def _write(
     from ohmloom.neurocontroller import Network
 
     network = Network.load(source)
+    if hardware is not None:
+        from ohmloom.fmu import export_hardware_controller
+        from ohmloom.mapping import Hardware, place
+
+        plan = place(network, Hardware.load(hardware))
+        die = plan.nominal() if seed is None else plan.sample(seed=seed)
+        if kind == "system":
+            return export_system(die, out, fmi=fmi, platforms=platforms, task=task, trial_key=key)
+        return export_hardware_controller(die, out, fmi=fmi, platforms=platforms)
     if kind == "controller":
         return export_controller(network, out, fmi=fmi, platforms=platforms)
     return export_system(network, out, fmi=fmi, platforms=platforms, task=task, trial_key=key)

@@ -12,6 +12,7 @@ from ohmloom.fmu.check import Check, CheckRow, check
 from ohmloom.fmu.crossbar import export_crossbar
 from ohmloom.fmu.device import export_device
 from ohmloom.fmu.discrete import export_arena, export_controller
+from ohmloom.fmu.hardware import export_hardware_controller
 from ohmloom.fmu.host import Host
 from ohmloom.fmu.hosted import HostedArena, HostedController
 from ohmloom.fmu.hosted_device import HostedDevice, reference_errors, simulate_hosted
@@ -21,6 +22,6 @@ from ohmloom.fmu.system import export_system
 
 __all__ = [
     "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "HostedDevice", "check",
-    "export_arena", "export_controller", "export_crossbar", "export_device", "export_system", "reference_errors", "run",
-    "run_ssp", "simulate_hosted",
+    "export_arena", "export_controller", "export_crossbar", "export_device", "export_hardware_controller",
+    "export_system", "reference_errors", "run", "run_ssp", "simulate_hosted",
 ]  # fmt: skip

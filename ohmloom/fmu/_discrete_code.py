@@ -125,15 +125,15 @@ def arena_description(arena: Arena, trial_key: int) -> Description:
     )  # fmt: skip
 
 
-def system_description(network: Network, arena: Arena, trial_key: int) -> Description:
-    """Variables of the closed loop in one FMU: no inputs."""
+def system_description(name: str, parameters: tuple[Variable, ...], arena: Arena, trial_key: int) -> Description:
+    """Variables of the closed loop in one FMU, of a controller with these parameters: no inputs."""
     at_start = tuple(v.name for v in arena_parameters(arena, trial_key) if v.name != "max_timesteps")
     return Description(
-        name=f"{network.name}_{arena.task}", identifier=identifier(f"{network.name}_{arena.task}"),
-        doc=f"Spiking controller {network.name} in the arena of the {arena.task} task, closed loop",
+        name=f"{name}_{arena.task}", identifier=identifier(f"{name}_{arena.task}"),
+        doc=f"Spiking controller {name} in the arena of the {arena.task} task, closed loop",
         stop_time=arena.max_timesteps * arena.timestep, step_size=arena.timestep, timestep=arena.timestep,
         has_derivatives=False,
-        variables=(*arena_parameters(arena, trial_key), *controller_parameters(network),
+        variables=(*arena_parameters(arena, trial_key), *parameters,
                    *sensor_variables("output", "sensor in [0, 1]", at_start), *pose_outputs(at_start),
                    *action_outputs(())),
     )  # fmt: skip

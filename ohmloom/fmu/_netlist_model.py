@@ -16,12 +16,14 @@ from ohmloom.fmu.description import Description
 STATES, VOLTAGES = (0.0, 0.37, 1.0), (-0.9, -1e-3, 0.2, 0.6)  # where conductances are compared with those at 0 V
 
 
-def law_text(cards: Iterable[Device]) -> str:
-    """``law.c``: the functions of every law among `cards`, once."""
+def law_text(cards: Iterable[Device], functions: Iterable[str] | None = None) -> str:
+    """``law.c``: the functions of every law among `cards`, once; all, or those that are named."""
     lines = [
         "/* Laws: conductance [S] of s and v, charge rate [A] of s, v and i, charge scale [C], and derivatives. */"
     ]
     wanted = {"conductance": "sv", "charge_rate": "svi", "charge_scale": "", **PARTIALS}
+    if functions is not None:
+        wanted = {name: wanted[name] for name in functions}
     for name in dict.fromkeys(card.law for card in cards):
         for function, arguments in wanted.items():
             lines += ["", *emit_function(LAWS[name], f"static double {name}_{function}", function, tuple(arguments))]

@@ -66,7 +66,7 @@ def export_controller(
         "network.c": code.network_table(network),
         "controller.c": runtime_file("controller.c"),
     }
-    return build(path, description, model, [_about(network), LICENCE], fmi=fmi, platforms=platforms)
+    return build(path, description, model, [about(network), LICENCE], fmi=fmi, platforms=platforms)
 
 
 def export_arena(
@@ -109,24 +109,7 @@ def export_arena(
         "world.c": code.world_table(arena),
         "arena.c": runtime_file("arena.c"),
     }
-    return build(path, description, model, [_about_arena(arena), LICENCE], fmi=fmi, platforms=platforms)
-
-
-def export_loop(
-    path: Path, network: Network, arena: Arena, trial_key: int, *, fmi: FmiVersion, platforms: Platforms
-) -> Export:
-    """The closed loop as one FMU; `export_system` has checked everything."""
-    description = code.system_description(network, arena, trial_key)
-    model = {
-        "model.c": code.model_code(code.SYSTEM, description, len(code.arena_parameters(arena, trial_key))),
-        "network.c": code.network_table(network),
-        "controller.c": runtime_file("controller.c"),
-        "world.c": code.world_table(arena),
-        "arena.c": runtime_file("arena.c"),
-    }
-    return build(
-        path, description, model, [_about(network), _about_arena(arena), LICENCE], fmi=fmi, platforms=platforms
-    )
+    return build(path, description, model, [about_arena(arena), LICENCE], fmi=fmi, platforms=platforms)
 
 
 def as_arena(where: str, task: str | Arena) -> Arena:
@@ -147,14 +130,14 @@ def runtime_file(name: str) -> str:
     return (files("ohmloom.fmu") / "runtime" / name).read_text(encoding="utf-8")
 
 
-def _about(network: Network) -> str:
+def about(network: Network) -> str:
     return (
         f"Network {network.name} ({network.system}, sha256 {network.sha256}): 21 steps of the spiking network in a "
         "timestep, eqs. 3 to 6 and 10 to 12 of Howard et al. (2012); see sources/controller.c and sources/network.c."
     )
 
 
-def _about_arena(arena: Arena) -> str:
+def about_arena(arena: Arena) -> str:
     return (
         f"Arena of the {arena.task} task, after Howard et al. (2012), Section VIII; see sources/arena.c and "
         "sources/world.c. Sensors are those at the end of the last timestep, or at the start."

@@ -9,9 +9,19 @@ from ohmloom._files import write_atomic
 from ohmloom.errors import expect_integer, expect_type
 from ohmloom.fmu import _discrete_code as code
 from ohmloom.fmu._compile import Platforms
-from ohmloom.fmu.build import Export, archive, check_options
+from ohmloom.fmu.build import Export, archive, build, check_options
 from ohmloom.fmu.description import Description, FmiVersion
-from ohmloom.fmu.discrete import as_arena, export_arena, export_controller, export_loop
+from ohmloom.fmu.discrete import (
+    LICENCE,
+    about,
+    about_arena,
+    as_arena,
+    export_arena,
+    export_controller,
+    runtime_file,
+)
+from ohmloom.fmu.hardware import die_parameters, die_parts, export_hardware_controller
+from ohmloom.mapping.die import Die
 from ohmloom.neurocontroller import Network
 from ohmloom.sim import Arena
 
@@ -19,7 +29,7 @@ SSC = {"real": "Real", "integer": "Integer", "boolean": "Boolean"}
 
 
 def export_system(
-    network: Network,
+    controller: Network | Die,
     out: Path | str,
     *,
     task: str | Arena = "static",
@@ -27,7 +37,7 @@ def export_system(
     fmi: FmiVersion = 2,
     platforms: Platforms = "host",
 ) -> Export:
-    """Write the closed loop of `network` in an arena: ``x.fmu`` is one FMU for any master, ``x.ssp`` an SSP 1.0 system.
+    """Write a controller in its arena: ``x.fmu`` is one FMU for any master, ``x.ssp`` a system of SSP 1.0.
 
     The one FMU follows the path of `run_trial`, whatever the master. The system holds the controller's and the arena's
     FMU; a master that runs the controller before the arena follows the same path, one that hands on values after both
@@ -35,8 +45,8 @@ def export_system(
 
     Parameters
     ----------
-    network
-        With its own readings.
+    controller
+        A network, or the die that it runs on.
     out
         The file, ``*.fmu`` or ``*.ssp``.
     task
@@ -55,20 +65,22 @@ def export_system(
     ------
     UnknownNameError, ParameterError
         If an option is none of these.
+    MappingError
+        If the die needs what its FMU does not have; see `export_hardware_controller`.
     OperationError
         If the compiler fails, or the file cannot be written.
     """
     where = "export_system"
-    expect_type(f"{where}: network", network, Network)
+    expect_type(f"{where}: controller", controller, Network, Die, name="a Network or a Die")
     arena = as_arena(where, task)
     path = check_options(where, out, fmi, platforms, suffixes=(".fmu", ".ssp"))
     key = expect_integer(f"{where}: trial_key", trial_key, 0, 2**64 - 1)
     if path.suffix == ".fmu":
-        return export_loop(path, network, arena, key, fmi=fmi, platforms=platforms)
+        return _export_loop(path, controller, arena, key, fmi=fmi, platforms=platforms)
+    network = controller if isinstance(controller, Network) else controller.plan.network
     with tempfile.TemporaryDirectory(prefix="ohmloom-") as folder:
         parts = {
-            "controller": export_controller(network, Path(folder) / "controller.fmu", fmi=fmi, platforms=platforms,
-                                            timestep=arena.timestep),
+            "controller": _export_part(controller, Path(folder) / "controller.fmu", fmi, platforms, arena.timestep),
             "arena": export_arena(arena, Path(folder) / "arena.fmu", fmi=fmi, platforms=platforms, trial_key=key),
         }  # fmt: skip
         content = {f"resources/{name}.fmu": part.path.read_bytes() for name, part in parts.items()}
@@ -80,6 +92,38 @@ def export_system(
     data = archive(content)
     write_atomic(path, data)
     return Export(path=path, platforms=parts["arena"].platforms, token="", size=len(data))
+
+
+def _export_part(
+    controller: Network | Die, path: Path, fmi: FmiVersion, platforms: Platforms, timestep: float
+) -> Export:
+    if isinstance(controller, Die):
+        return export_hardware_controller(controller, path, fmi=fmi, platforms=platforms, timestep=timestep)
+    return export_controller(controller, path, fmi=fmi, platforms=platforms, timestep=timestep)
+
+
+def _export_loop(
+    path: Path, controller: Network | Die, arena: Arena, trial_key: int, *, fmi: FmiVersion, platforms: Platforms
+) -> Export:
+    """The closed loop as one FMU."""
+    template = code.SYSTEM
+    if isinstance(controller, Die):
+        network = controller.plan.network
+        name, parameters = f"{network.name}_{controller.plan.hardware.name}", die_parameters(controller)
+        model = die_parts("export_system", controller)
+        template = template.replace("controller.c", "hardware.c").replace("network.c", "die.c")
+    else:
+        network = controller
+        name, parameters = network.name, code.controller_parameters(network)
+        model = {"network.c": code.network_table(network), "controller.c": runtime_file("controller.c")}
+    description = code.system_description(name, parameters, arena, trial_key)
+    model |= {
+        "model.c": code.model_code(template, description, len(code.arena_parameters(arena, trial_key))),
+        "world.c": code.world_table(arena),
+        "arena.c": runtime_file("arena.c"),
+    }
+    paragraphs = [about(network), about_arena(arena), LICENCE]
+    return build(path, description, model, paragraphs, fmi=fmi, platforms=platforms)
 
 
 def _structure(parts: dict[str, Description], arena: Arena) -> str:

@@ -2,15 +2,16 @@
 
 import subprocess
 import sys
+from importlib.resources import files as files_of
 
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from ohmloom.errors import ParameterError, UnknownNameError
-from ohmloom.fmu import check, export_arena, export_controller
+from ohmloom.errors import MappingError, ParameterError, UnknownNameError
+from ohmloom.fmu import check, export_arena, export_controller, export_hardware_controller, export_system
 from ohmloom.fmu._discrete_code import key_parts
-from ohmloom.fmu.discrete import export_loop
+from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, Readings, SpikingController, champion
 from ohmloom.sim import Arena, run_trial
 
@@ -100,7 +101,7 @@ def test_an_arena_is_that_of_a_trial_step_for_step(files, master, name, arena, f
 def test_the_loop_in_one_fmu_is_a_trial(files, master, fmi):
     arena = Arena.paper(task="dynamic")
     trial = run_trial(SpikingController(champion("HET")), arena, trial_key=KEY)
-    file = files(f"loop{fmi}", lambda out: export_loop(out, champion("HET"), arena, 1, fmi=fmi, platforms="host"))
+    file = files(f"loop{fmi}", lambda out: export_system(champion("HET"), out, task=arena, trial_key=1, fmi=fmi))
     one = master(file, **key_parts(KEY))
     path, acted = [one.get(*POSE)], []
     # Two timesteps in one communication step are two timesteps.
@@ -125,6 +126,68 @@ def test_every_client_runs_a_controller(files, fmi):
 def test_descriptions_have_no_problem(files):
     for file in (controller_file(files, "champion", 2), controller_file(files, "champion", 3), arena_file(files)):
         assert validate_fmu(str(file)) == []
+
+
+SPREAD = """
+[nonidealities]
+write_verify = { value = 0.02, source = "test" }
+event_charge = { value = 0.05, source = "test" }
+threshold = { value = 0.01, source = "test" }
+asymmetry = { value = 0.1, source = "test" }
+neuron_threshold = { value = 0.02, source = "test" }
+neuron_leak = { value = 0.02, source = "test" }
+neuron_bias = { value = 0.02, source = "test" }
+sense_offset = { value = 0.01, source = "test" }
+tile_gain = { value = 0.02, source = "test" }
+"""
+
+
+@pytest.fixture(scope="module")
+def spread_die(tmp_path_factory):
+    """A die of the ideal spec with everything spread that an FMU of it has."""
+    text = (files_of("ohmloom.mapping") / "specs" / "ideal.toml").read_text()
+    begin = text.index("[nonidealities]")
+    path = tmp_path_factory.mktemp("spec") / "spread.toml"
+    path.write_text(text[:begin] + SPREAD.lstrip() + text[text.index("[endurance]") - 1 :])
+    return place(champion("HET"), Hardware.load(path)).sample(seed=5)
+
+
+def test_a_die_is_the_emulated_one_spike_for_spike(files, master, spread_die):
+    nominal = place(champion("HET"), Hardware.load("ideal")).nominal()
+    ends = []
+    wired = place(champion("HET"), Hardware.load("het_mixed")).sample(seed=3)
+    for name, die in (("nominal", nominal), ("spread", spread_die), ("wired", wired)):
+        # Spikes could differ where a membrane stands on its threshold to the rounding of a solve; here none does.
+        arena = Arena.paper(task="dynamic").replace(max_timesteps=1200)
+        trial = run_trial(EmulatedController(die), arena, trial_key=KEY)
+        one = master(files(name, lambda out, d=die: export_hardware_controller(d, out)))
+        got = []
+        for k, sensors in enumerate(trial.sensors):
+            one.set(**dict(zip(SENSORS, sensors, strict=True)))
+            one.step(k)
+            got.append(one.get(*ACTION))
+        np.testing.assert_array_equal(got, np.column_stack([trial.actions, trial.output_spikes]))
+        ends.append(trial.path[-1])
+    assert (ends[0] != ends[1]).any()
+    assert (ends[0] != ends[2]).any()
+
+
+def test_a_die_in_its_arena_is_a_trial(files, master, spread_die):
+    trial = run_trial(EmulatedController(spread_die), Arena.paper(), trial_key=KEY)
+    one = master(files("dieloop", lambda out: export_system(spread_die, out, task="static", trial_key=KEY)))
+    path = []
+    for k in range(400):
+        one.step(k)
+        path.append(one.get(*POSE))
+    np.testing.assert_array_equal(path, np.column_stack([trial.path, trial.st])[1:401])
+
+
+def test_a_die_that_needs_more_is_refused(tmp_path):
+    die = place(champion("HP"), Hardware.load("hp_passive")).sample(seed=1)
+    with pytest.raises(
+        MappingError, match=r"^export_hardware_controller: die: .* got a drive by voltage in hp_passive"
+    ):
+        export_hardware_controller(die, tmp_path / "x.fmu")
 
 
 def test_fmutool_finds_no_error(files):

@@ -14,9 +14,16 @@ import pytest
 from ohmloom.circuits import CurrentSource, Memristor, MemristorCrossbar, Netlist, VoltageSource
 from ohmloom.devices import Device
 from ohmloom.errors import OperationError
-from ohmloom.fmu import export_arena, export_controller, export_crossbar, export_device
+from ohmloom.fmu import (
+    export_arena,
+    export_controller,
+    export_crossbar,
+    export_device,
+    export_hardware_controller,
+    export_system,
+)
 from ohmloom.fmu.build import HEADERS
-from ohmloom.fmu.discrete import export_loop
+from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import KINDS, LATTICES, Readings, champion
 from ohmloom.sim import Arena
 
@@ -35,9 +42,11 @@ def export(name, out, fmi):
         return export_arena("dynamic", out, fmi=fmi)
     if name == "loop":
         arena = Arena.paper(task="static")
-        return export_loop(out, champion("HET"), arena, 3, fmi=fmi, platforms="host")
+        return export_system(champion("HET"), out, task=arena, trial_key=3, fmi=fmi)
+    if name in ("ideal", "het_mixed"):
+        return export_hardware_controller(place(champion("HET"), Hardware.load(name)).nominal(), out, fmi=fmi)
     if name == "crossbar":
-        array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((3, 2), 0.4), r_row=1.0, r_column=1.0)
+        array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 2), 0.4), r_row=1.0, r_column=1.0)
         return export_crossbar(array, out, fmi=fmi)
     if name == "netlist":
         # Not ohmic, with two cards, a current source and no wire.
@@ -70,7 +79,19 @@ def sources(tmp_path, monkeypatch):
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
     "name",
-    ["hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", "loop", "crossbar", "netlist"],
+    [
+        "hp_tio2",
+        "vteam_memtorch",
+        "peo_pani_redox",
+        "pickett",
+        "controller",
+        "arena",
+        "ideal",
+        "het_mixed",
+        "loop",
+        "crossbar",
+        "netlist",
+    ],
 )
 def test_no_warning(need_tool, sources, name, fmi):
     compiler = need_tool("the C of FMUs is not looked at here", os.environ.get("CC", ""), "gcc", "clang")

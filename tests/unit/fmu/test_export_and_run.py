@@ -152,9 +152,12 @@ def test_the_command_line_exports_checks_and_runs(command, tmp_path):
         (["export", "controller", "none.net.json", "--out", "x.fmu"], "none.net.json: expected a network file"),
         (
             ["export", "crossbar", "none.net.json", "--out", "x.fmu"],
-            "--hardware: expected one for the crossbar of a NET",
+            "--hardware: expected one for hardware or a tile",
         ),
-        (["export", "device", "hp_tio2", "--hardware", "ideal", "--out", "x.fmu"], "--hardware: expected one for the"),
+        (
+            ["export", "device", "hp_tio2", "--hardware", "ideal", "--out", "x.fmu"],
+            "--hardware: expected one for hardware",
+        ),
         (["export", "crossbar", "none.netlist.json", "--out", "x.fmu"], "none.netlist.json: expected"),
         (["export", "arena", "net.json", "--out", "x.fmu"], "fmu export arena: expected no file, got 'net.json'."),
         (["export", "arena", "--out", "x.ssp"], "export_arena: out: expected a file that ends in .fmu, got 'x.ssp'."),
@@ -195,7 +198,8 @@ def test_the_command_line_exports_a_loop_and_runs_it(command, tmp_path):
         for k, (p, n) in enumerate(("ab", "b0"))
     ]
     Netlist(elements=(VoltageSource(name="V1", p="a", n="0", voltage=1.0), *parts)).save(deck)
-    for kind, source in (("controller", [net]), ("arena", []), ("crossbar", [deck])):
+    for kind, source in (("controller", [net]), ("arena", []), ("crossbar", [deck]),
+                         ("hardware-controller", [net, "--hardware", "ideal", "--seed", "2"])):  # fmt: skip
         code, text, _ = command("export", kind, *source, "--fmi", "3", "--out", tmp_path / f"{kind}.fmu", "--json")
         assert code == 0
         assert json.loads(text)["platforms"]
