@@ -11,7 +11,7 @@ import os
 import re
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -21,8 +21,11 @@ from ohmloom.cli import app
 from ohmloom.devices import LAWS, Device
 from ohmloom.mapping import WAVEFORMS, Hardware
 from ohmloom.mapping.hardware import UNITS
+from ohmloom.mapping.nonidealities import EFFECTS
+from ohmloom.mapping.waveform import separability
 from ohmloom.neurocontroller import Network, Readings
 from ohmloom.sim import Arena, EvolutionSettings
+from ohmloom.sim.exactness import EXACT
 
 DOCS = Path(__file__).parents[2] / "docs"
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -110,7 +113,7 @@ def test_every_figure_and_key_of_a_study_is_explained(tutorial: Any) -> None:
     assert limits["closed_loop_success"] == float(shown["closed_loop_success"][1].removeprefix(">= "))
     assert "1.524 ms" in shown["time_per_step"][1]
     assert round(1e3 * limits["time_per_step"], 3) == 1.524
-    assert set(table("sim", "exactness")) == set(study.exactness)
+    assert list(table("sim", "exactness")) == list(EXACT) == [*study.exactness]
     assert set(table("cli", "key")) == set(study.to_dict())
     for line in study.not_modelled:
         assert f"\n- {line}\n" in page("sim")
@@ -172,15 +175,35 @@ def test_the_devices_page_has_the_laws_and_the_cards() -> None:
 def test_the_mapping_page_has_the_specs_units_and_waveforms() -> None:
     assert set(table("mapping", "spec")) == set(Hardware.names())
     rows = table("mapping", "key")
+    effects = {f"nonidealities.{name}": cells[1:] for name, cells in table("mapping", "effect").items()}
     for name, unit in UNITS.items():
-        assert rows[name][0] == unit
+        assert (rows | effects)[name][0] == unit, name
     for section, field in Hardware.model_fields.items():
-        inner = getattr(field.annotation, "model_fields", None)
-        for name in [section] if inner is None else [f"{section}.{key}" for key in inner]:
-            assert name in rows
-    for name, cells in table("mapping", "waveform").items():
-        numbers = [int(number) for number in re.findall(r"[-+]?\d+", cells[0].split(" times ")[0])]
-        assert numbers == list(WAVEFORMS[name].levels)[::-1]
+        models = [one for one in (field.annotation, *get_args(field.annotation)) if hasattr(one, "model_fields")]
+        for name in [f"{section}.{key}" for one in models for key in one.model_fields] or [section]:
+            assert name in rows | effects
+    shown = table("mapping", "waveform")
+    assert set(shown) == set(WAVEFORMS)
+    for name, cells in shown.items():
+        waveform = WAVEFORMS[name]
+        for cell, side in zip(cells, ("row", "column"), strict=False):
+            phases = [[int(number) for number in re.findall(r"[-+]?\d+", part)] for part in cell.split(" then ")]
+            assert phases == [list(getattr(phase, side))[::-1] for phase in waveform.phases], (name, side)
+        window = separability(waveform)
+        assert fractions(cells[2]) == window.least_event / waveform.event == 1
+        assert fractions(cells[3]) == window.largest_other / waveform.event
+
+
+def fractions(cell: str) -> float:
+    """V, V/2, 4 V/5 in units of V."""
+    found = re.fullmatch(r"(\d*) ?V(?:/(\d+))?", cell)
+    assert found is not None
+    return int(found[1] or 1) / int(found[2] or 1)
+
+
+def test_the_mapping_page_has_every_effect_with_its_meaning() -> None:
+    shown = table("mapping", "effect")
+    assert shown == {e.name: [e.moment, e.unit, e.meaning] for e in EFFECTS.values()}
 
 
 def test_the_network_in_the_docs_loads() -> None:
