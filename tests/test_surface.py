@@ -21,15 +21,15 @@ SURFACE = {
         "Trace", "charge_revisit", "compare", "fit",
     ],
     "ohmloom.fmu": [
-        "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "HostedDevice", "check",
-        "export_arena", "export_controller", "export_crossbar", "export_device", "export_system", "reference_errors",
-        "run", "run_ssp", "simulate_hosted",
+        "Check", "CheckRow", "Export", "FmuTrace", "Host", "HostedArena", "HostedController", "HostedDevice",
+        "check", "export_arena", "export_controller", "export_crossbar", "export_device",
+        "export_hardware_controller", "export_system", "reference_errors", "run", "run_ssp", "simulate_hosted",
     ],
     "ohmloom.mapping": [
-        "WAVEFORMS", "Cost", "CostLine", "Crosspoint", "Die", "EmulatedController", "Grid", "Hardware", "Ledger",
-        "Plan", "Quantity", "ReadErrors", "ResetPlan", "Schedule", "Slot", "Tile", "Waveform", "event_table",
-        "place", "plan_cost", "plan_reset", "plan_yield", "pulse_schedule", "tile_crossbar", "tile_deck",
-        "tile_grid", "tile_netlist",
+        "WAVEFORMS", "Cost", "CostLine", "Crosspoint", "Die", "EmulatedController", "Grid", "Hardware",
+        "Ledger", "Plan", "Quantity", "ReadErrors", "ResetPlan", "Schedule", "Slot", "Tile", "Waveform",
+        "event_table", "place", "plan_cost", "plan_reset", "plan_yield", "pulse_schedule", "tile_crossbar",
+        "tile_deck", "tile_grid", "tile_netlist",
     ],
     "ohmloom.neurocontroller": [
         "ACTIONS", "KINDS", "LATTICES", "SYSTEMS", "Adaptation", "Lattice", "Network", "Readings",
