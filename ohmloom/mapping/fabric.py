@@ -193,12 +193,22 @@ def _ramp(t: float, edge: float) -> float:
     return 0.0 if t <= 0.0 else 0.5 * t * t / edge if t < edge else t - 0.5 * edge
 
 
+def line_delay(plan: Plan) -> float:
+    """Sum of the Elmore delays of the longest row and the longest column of a plan [s]; 0 without capacitance."""
+    wires, (m, width) = plan.hardware.wires, _extent(plan)
+    if wires.c_segment is None:
+        return 0.0
+    ohm, c = wires.resistances, wires.c_segment.value
+    row = c * width * (ohm["r_driver"] + ohm["r_row"] * (width + 1) / 2.0)
+    return row + c * m * (ohm["r_sense"] + ohm["r_column"] * (m + 1) / 2.0)
+
+
 class _Effects:
     """Values of the effects that act on this die; none on the nominal one."""
 
     def __init__(self, die: Die) -> None:
         self._spec = None if die.seed is None else die.plan.hardware.nonidealities
-        self._hardware = die.plan.hardware
+        self._plan, self._hardware = die.plan, die.plan.hardware
 
     def __getitem__(self, name: str) -> float:
         quantity = None if self._spec is None else getattr(self._spec, name)
@@ -214,7 +224,7 @@ class _Effects:
 
     @property
     def settled(self) -> float:
-        constant = self["settling"]
+        constant = self["settling"] + (0.0 if self._spec is None else line_delay(self._plan))
         return 1.0 if constant == 0.0 else 1.0 - math.exp(-self._hardware.read.duration.value / constant)
 
     @property

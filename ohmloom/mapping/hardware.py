@@ -56,7 +56,8 @@ class ArraySpec(StrictModel):
 class WireSpec(StrictModel):
     """Resistance per segment between two crosspoints, of a driver and of a sense [ohm]; capacitance per segment [F].
 
-    ``node``: the technology node that the numbers are of, for readers.
+    The capacitance delays a read: the largest tile's lines settle with the sum of their Elmore delays. ``node``: the
+    technology node that the numbers are of, for readers.
     """
 
     r_row: NotNegative
@@ -225,7 +226,6 @@ class LimitSpec(StrictModel):
     """Limits of the figures, each with its source; a figure without a limit here is ASSUMED at best."""
 
     read_error: Positive | None = None
-    program_drop: Positive | None = None
     wake_up: Positive | None = None
     programming_power: Positive | None = None
     useful_event_range: Positive | None = None
@@ -409,7 +409,7 @@ UNITS = {
     "periphery.meter_area": "m2", "periphery.meter_energy": "J", "periphery.register_area": "m2",
     "periphery.register_energy": "J", "environment.temperature": "K", "environment.card_temperature": "K",
     "environment.retention_activation": "eV", "environment.drift_activation": "eV", "endurance.pulses": "1",
-    "limits.read_error": "1", "limits.program_drop": "1", "limits.wake_up": "1", "limits.programming_power": "W",
+    "limits.read_error": "1", "limits.wake_up": "1", "limits.programming_power": "W",
     "limits.useful_event_range": "events", "limits.endurance": "trials",
     **{f"nonidealities.{effect.name}": effect.unit for effect in EFFECTS.values()},
 }  # fmt: skip

@@ -5,6 +5,7 @@ import pytest
 
 from ohmloom.circuits import Crossbar
 from ohmloom.mapping import EmulatedController, Hardware, place
+from ohmloom.mapping.fabric import build_fabric, line_delay
 from ohmloom.mapping.waveform import WAVEFORMS
 from ohmloom.neurocontroller import Network, Synapse
 from ohmloom.neurocontroller.plain import stdp_sign
@@ -191,3 +192,16 @@ def test_a_selected_cell_loses_what_its_wires_take(changed):
     applied = device.charge_scale / 1000 / float(device.conductance(float(device.state_at_weight(0.5))))
     passed = flux(emulated.states[0]) - flux(s) + 200.0 * device.charge_scale * (emulated.states[0] - s)
     assert passed == pytest.approx(sign * applied, rel=1e-9)
+
+
+def test_capacitance_delays_a_read_by_the_elmore_delay_of_the_longest_lines(changed):
+    plan = place(NETWORK, changed("hp_1t1r", wires={"c_segment": 1e-10, "r_driver": 50.0, "r_sense": 5.0}))
+    (tile,) = plan.tiles
+    # Each segment's resistance, and that of the end, charges all capacitances behind it.
+    row = sum(1e-10 * (50.0 + 1.06 * (k + 1)) for k in range(len(tile.columns)))
+    column = sum(1e-10 * (5.0 + 1.06 * (k + 1)) for k in range(len(tile.rows)))
+    assert line_delay(plan) == pytest.approx(row + column, rel=1e-12)
+    late, _, _ = build_fabric(plan.sample(seed=1))
+    assert late.constants["settled"][0] == pytest.approx(1.0 - np.exp(-1e-7 / (row + column)), rel=1e-12)
+    nominal, _, _ = build_fabric(plan.nominal())
+    assert nominal.constants["settled"][0] == 1.0
