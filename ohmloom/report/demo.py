@@ -17,11 +17,12 @@ from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import champion
 from ohmloom.report.fit_output import save_fit
 from ohmloom.report.map_output import save_map, study_map
-from ohmloom.report.output import replay_network, save_study
+from ohmloom.report.output import record_trial, save_study
+from ohmloom.report.replay import replay
 from ohmloom.sim import EvolutionSettings, agreement, evolve, feasibility
 from ohmloom.units import format_quantity
 
-CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 10, 1
+CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 4, 1
 EVOLUTION = EvolutionSettings(system="HET", repeats=1, population=12, generations=12, seed=SEED)
 FIT = ("peo_pani_redox", "redox", "redox_staircase")
 # Start and end of the state where each law is far from a plain resistor.
@@ -79,8 +80,9 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
         say(f"   - {reason}")
 
     say("7  replay: the emulated hardware drives the robot")
+    trial, recording, arena = record_trial(network, hardware=hardware, seed=SEED)
     for name in ("replay.html", "replay.png", "replay.gif"):
-        trial = replay_network(network, out / name, hardware=hardware, seed=SEED)
+        replay(recording, arena, out / name)
     say(f"   {'goal reached' if trial.solved else 'goal not reached'} in {trial.timesteps} timesteps; "
         f"{out / 'replay.html'}, .png, .gif")  # fmt: skip
     say(f"done in {time.monotonic() - started:.0f} s; open {out / 'report.html'}")

@@ -73,6 +73,28 @@ def replay_network(
         If the network cannot be placed on `hardware`.
     """
     check_suffix(path)
+    trial, recording, arena = record_trial(network, hardware=hardware, seed=seed, task=task, die=die)
+    replay(recording, arena, path)
+    return trial
+
+
+def record_trial(
+    network: Network,
+    *,
+    hardware: Hardware | None = None,
+    seed: int = 0,
+    task: str | None = None,
+    die: int | None = None,
+) -> tuple[Trial, Recording, Arena]:
+    """Run one trial as `replay_network` does; the trial, what `replay` draws of it, and where it took place.
+
+    Raises
+    ------
+    ParameterError
+        If `die` is given without hardware.
+    MappingError
+        If the network cannot be placed on `hardware`.
+    """
     if die is not None and hardware is None:
         raise ParameterError(f"--die: expected --hardware with it, got die {die} alone. Name the hardware.")
     if hardware is None:
@@ -97,5 +119,4 @@ def replay_network(
         synapse_labels=tuple(f"{labels[s.pre]} → {labels[s.post]}" for s in network.synapses),
         synapse_kinds=tuple(s.kind for s in network.synapses),
     )  # fmt: skip
-    replay(recording, arena, path)
-    return trial
+    return trial, recording, arena
