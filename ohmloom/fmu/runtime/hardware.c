@@ -173,7 +173,7 @@ static void program(Controller *m)
     int j, k, phase;
     for (j = INPUTS; j < NEURONS; j++) {
         const int post = m->ls[j];
-        for (k = first_cell[j]; post && k < first_cell[j + 1]; k++) {
+        for (k = first_cell[j]; k < first_cell[j + 1]; k++) {
             const int pre = m->ls[cell_sender[k]];
             if (!cell_is_live[k] || !may_fire[pre][post])
                 continue;

@@ -39,7 +39,11 @@ def test_path_and_name_give_the_same(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('mode = "charge_metered"', 'mode = "hammer"', r"drive\.mode: expected 'charge_metered', 'current', 'voltage' or 'exact_width'"),
+        (
+            'mode = "charge_metered"',
+            'mode = "hammer"',
+            r"drive\.mode: expected 'charge_metered', 'current', 'voltage' or 'exact_width'",
+        ),
         ("max_rows = 64", "max_rows = 0", r"hw\.toml: array\.max_rows: expected greater than or equal to 1, got 0"),
         ("max_rows = 64", "max_row = 64", r"array\.max_row: expected no such key, got 64\. Did you mean 'max_rows'\?"),
         ("r_row = { value = 1.06", "r_row = { value = -1.0", r"wires\.r_row: expected a range around the value -1"),
