@@ -5,7 +5,7 @@
 A line is a spec and a system: the champion and NETS random networks (20 by default) of nine hidden neurons, each on a
 trial of 100 timesteps, every device following its own differential equation. `exact` counts networks of which every
 entry that applies holds; `entries` how many apply to the first. `ties` and `dW` are the sum of ties and the largest
-difference of a weight in both network entries. `diverges` is the worst rms difference of W between the spec as it is and
+difference of a weight in both network entries. `diverges` is the worst rms difference of W between the spec and
 the paper's rule, the mean over networks.
 """
 
