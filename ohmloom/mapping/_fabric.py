@@ -116,6 +116,7 @@ class Fabric(NamedTuple):
     wires: Any  # NoWires or Wires
     pulses: Any  # ClosedPulses or AnyPulses
     lines: Any  # SelectedCells or DrivenLines
+    rest: Any  # Lasting or Passing
 
 
 class NoWires(NamedTuple):
@@ -132,6 +133,18 @@ class ClosedPulses(NamedTuple):
 
 class AnyPulses(NamedTuple):
     """Some law is integrated."""
+
+    unused: int = 0
+
+
+class Lasting(NamedTuple):
+    """Nothing but programming moves a state."""
+
+    unused: int = 0
+
+
+class Passing(NamedTuple):
+    """States decay, or are disturbed by reads."""
 
     unused: int = 0
 

@@ -41,12 +41,14 @@ from ohmloom.mapping._fabric import (
     DrivenLines,
     Fabric,
     FabricState,
+    Lasting,
     LineState,
     NoWires,
+    Passing,
     SelectedCells,
     Wires,
 )
-from ohmloom.mapping._wire_kernels import half_select, program_tile, update_reads
+from ohmloom.mapping._wire_kernels import half_select, prepare_lines, program_tile
 from ohmloom.neurocontroller._kernels import INPUTS, STEPS, classify, membrane
 
 
@@ -251,10 +253,6 @@ def _prepare_none(wires: Any, f: Fabric, s: FabricState) -> None:
     pass
 
 
-def _prepare_lines(wires: Any, f: Fabric, s: FabricState) -> None:
-    update_reads(f, s)
-
-
 def _program(lines: Any, f: Fabric, s: FabricState) -> None:
     _PROGRAMS[type(lines)](lines, f, s)
 
@@ -270,6 +268,31 @@ def _program_driven(lines: Any, f: Fabric, s: FabricState) -> None:
     program_wired(f, s)
 
 
+def _age(rest: Any, f: Fabric, s: FabricState) -> None:
+    _AGES[type(rest)](rest, f, s)
+
+
+def _age_not(rest: Any, f: Fabric, s: FabricState) -> None:
+    pass
+
+
+def _age_all(rest: Any, f: Fabric, s: FabricState) -> None:
+    age(f, s)
+
+
+def _disturb(rest: Any, f: Fabric, s: FabricState, now: int) -> None:
+    _DISTURBS[type(rest)](rest, f, s, now)
+
+
+def _disturb_none(rest: Any, f: Fabric, s: FabricState, now: int) -> None:
+    pass
+
+
+def _disturb_read(rest: Any, f: Fabric, s: FabricState, now: int) -> None:
+    if f.constants[0]["read_disturb"] > 0.0:
+        disturb(f, s, now)
+
+
 def _reset_lines(lines: Any) -> None:
     _RESETS[type(lines)](lines)
 
@@ -283,11 +306,15 @@ def _reset_guesses(lines: Any) -> None:
     lines.u_program[:] = 0.0
 
 
-_PREPARATIONS: dict[type, Callable[..., None]] = {NoWires: _prepare_none, Wires: _prepare_lines}
+_PREPARATIONS: dict[type, Callable[..., None]] = {NoWires: _prepare_none, Wires: prepare_lines}
 _PROGRAMS: dict[type, Callable[..., None]] = {SelectedCells: _program_selected, DrivenLines: _program_driven}
+_AGES: dict[type, Callable[..., None]] = {Lasting: _age_not, Passing: _age_all}
+_DISTURBS: dict[type, Callable[..., None]] = {Lasting: _disturb_none, Passing: _disturb_read}
 _RESETS: dict[type, Callable[..., None]] = {NoWires: _reset_none, LineState: _reset_guesses}
 choose_by_type(_prepare_reads, _PREPARATIONS)
 choose_by_type(_program, _PROGRAMS)
+choose_by_type(_age, _AGES)
+choose_by_type(_disturb, _DISTURBS)
 choose_by_type(_reset_lines, _RESETS)
 
 
@@ -318,8 +345,7 @@ def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, 
                 state[j]["ls"] = last_spike
                 spiked[j] += 1
                 total[SPIKES] += 1
-        if constants["read_disturb"] > 0.0:
-            disturb(f, s, now)
+        _disturb(f.rest, f, s, now)
         s.clock[BUSY_LINES] = 0
         _program(f.lines, f, s)
         if s.clock[BUSY_LINES] > 0:
@@ -335,7 +361,7 @@ def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, 
 def begin_timestep(f: Fabric, s: FabricState) -> None:
     """What happens before the 21 steps of a timestep."""
     if s.total[STEPS_DONE] > 0:
-        age(f, s)
+        _age(f.rest, f, s)
     if not f.constants[0]["carry"]:
         reset_activity(f, s)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom._jit import inlined_kernel, kernel
+from ohmloom._jit import choose_by_type, inlined_kernel, kernel
 from ohmloom.circuits._crossbar_kernels import solve_potentials
 from ohmloom.mapping._cell_kernels import count_events, event_size, law_conductance, move, refresh
 from ohmloom.mapping._fabric import (
@@ -86,9 +86,8 @@ def _enter_reads(reads: Any, state: Any, tiles: Any, transfer: FloatArray, refer
             state[k]["load"] = g + subtracted
 
 
-@kernel
-def update_reads(f: Fabric, s: FabricState) -> None:
-    """What all columns read, for the conductances of now."""
+def prepare_lines(wires: Any, f: Fabric, s: FabricState) -> None:
+    """What all columns read, for the conductances of now; a form that is compiled into its callers."""
     is_any = False
     for t in range(f.tiles.shape[0]):
         if s.is_stale[t]:
@@ -97,6 +96,19 @@ def update_reads(f: Fabric, s: FabricState) -> None:
     if is_any:
         _enter_reads(f.reads, s.reads, f.tiles, s.lines.transfer, f.wires.reference_column, s.is_stale)
         s.is_stale[:] = False
+
+
+@kernel
+def update_reads(f: Fabric, s: FabricState) -> None:
+    """The same, for callers in Python."""
+    _prepare(f.wires, f, s)
+
+
+def _prepare(wires: Any, f: Fabric, s: FabricState) -> None:
+    prepare_lines(wires, f, s)
+
+
+choose_by_type(_prepare, {Wires: prepare_lines})
 
 
 @inlined_kernel

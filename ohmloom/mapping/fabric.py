@@ -138,6 +138,7 @@ def build_fabric(
         table=table, phase=phase, levels=np.stack([row_level, column_level], axis=1),
         wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
         lines=f.DrivenLines() if is_driven else f.SelectedCells(),
+        rest=f.Passing() if effects.decay != 1.0 or effects["read_disturb"] > 0.0 else f.Lasting(),
     )  # fmt: skip
     place = np.empty(len(plan.crosspoints), dtype=np.int64)
     for k, index in enumerate(synapse):

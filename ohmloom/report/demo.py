@@ -25,7 +25,7 @@ from ohmloom.report.replay import replay
 from ohmloom.sim import Arena, EvolutionSettings, agreement, evolve, feasibility
 from ohmloom.units import format_quantity
 
-CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 4, 1
+CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 3, 1
 EVOLUTION = EvolutionSettings(system="HET", repeats=1, population=12, generations=12, seed=SEED)
 FIT = ("peo_pani_redox", "redox", "redox_staircase")
 # Start and end of the state where each law is far from a plain resistor.
