@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ohmloom.mapping import EmulatedController, Hardware, place
-from ohmloom.neurocontroller import Network, Synapse
+from ohmloom.neurocontroller import Network, SpikingController, Synapse
 from ohmloom.sim.agreement import _Pair
+from ohmloom.sim.exactness import exact_variant
 
 SENSORS = np.array([0.9, 0.0, 0.0, 0.0, 0.0, 0.0])
 
@@ -16,7 +17,8 @@ def pair():
         system="LIN", hidden=("excitatory", "excitatory"),
         synapses=(Synapse(0, 6, "linear", 0.5), Synapse(7, 6, "linear", 0.5), Synapse(6, 8, "linear", 0.5)),
     )  # fmt: skip
-    return _Pair(network, place(network, Hardware.load("het_mixed")).nominal(), 0.0)
+    die = place(network, exact_variant(Hardware.load("het_mixed"), "charge_metered")).nominal()
+    return _Pair(SpikingController(network), EmulatedController(die))
 
 
 def membrane_at_threshold(pair, shortfall):
@@ -27,8 +29,8 @@ def membrane_at_threshold(pair, shortfall):
     while y + (0.0 + 0.3 - 0.05 * y) <= 1.0:
         y = np.nextafter(y, 2.0)
     state.y[6] = y
-    pair.emulated._state.y[:] = state.y
-    pair.emulated._state.y[6] -= shortfall
+    pair.emulated._state.neurons["y"][:] = state.y
+    pair.emulated._state.neurons["y"][6] -= shortfall
 
 
 def test_rounding_is_a_tie_and_both_go_on_from_one_state(pair):
@@ -54,7 +56,7 @@ def test_a_larger_difference_is_no_tie(pair):
 
 def test_weights_that_are_off_by_more_than_a_millionth_allow_no_tie(pair):
     membrane_at_threshold(pair, 5e-16)
-    pair.emulated._state.g[:] *= 1.0 + 1e-5
+    pair.emulated._state.cells["g"][:] *= 1.0 + 1e-5
     pair._step(SENSORS, 0)
     assert pair.ties == 0
     assert pair.first_divergence is not None
