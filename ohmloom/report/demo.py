@@ -16,16 +16,17 @@ import numpy as np
 from ohmloom._files import write_atomic
 from ohmloom.devices import Device, Measurement, fit
 from ohmloom.errors import Interrupted
-from ohmloom.mapping import Hardware, place
-from ohmloom.neurocontroller import champion
+from ohmloom.mapping import EmulatedController, Hardware, place
+from ohmloom.neurocontroller import SpikingController, champion
+from ohmloom.neurocontroller.rules import INPUTS
 from ohmloom.report.fit_output import save_fit
 from ohmloom.report.map_output import save_map, study_map
 from ohmloom.report.output import record_trial, save_study
 from ohmloom.report.replay import replay
-from ohmloom.sim import Arena, EvolutionSettings, agreement, evolve, feasibility
+from ohmloom.sim import EvolutionSettings, evolve, feasibility
 from ohmloom.units import format_quantity
 
-CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 3, 1
+CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 2, 1
 EVOLUTION = EvolutionSettings(system="HET", repeats=1, population=12, generations=12, seed=SEED)
 FIT = ("peo_pani_redox", "redox", "redox_staircase")
 # Start and end of the state where each law is far from a plain resistor.
@@ -36,7 +37,7 @@ PERIOD = 1.0
 def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
     """Run the whole road once and write its files to `out`; `say` gets a line per step."""
     started = time.monotonic()
-    say("ohmloom demo: nothing is downloaded and nothing is opened. The first run compiles for up to half a minute.")
+    say("ohmloom demo: nothing is downloaded and nothing is opened. The first run compiles for about half a minute.")
     with _compiling() as compiled:
         _run_steps(out, say=say, compiled=compiled)
     say(f"done in {time.monotonic() - started:.0f} s; open {out / 'report.html'}")
@@ -44,27 +45,42 @@ def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
 
 @contextmanager
 def _compiling() -> Iterator[Callable[[], None]]:
-    """Compile the emulation in a process beside this one, into the cache; gives a function that waits for it."""
-    # Without it the demo still works, and compiles when it gets there.
-    child = subprocess.Popen(
-        [sys.executable, "-c", "from ohmloom.report.demo import warm_up; warm_up()"],
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+    """Compile the emulation in processes beside this one, into the cache; gives a function that waits for them."""
+    # Without them the demo still works, and compiles when it gets there.
+    children = [
+        subprocess.Popen(
+            [sys.executable, "-c", f"from ohmloom.report.demo import {job}; {job}()"],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        for job in ("warm_emulation", "warm_models")
+    ]  # fmt: skip
+
+    def wait() -> None:
+        for child in children:
+            child.wait()
+
     try:
-        yield lambda: _wait(child)
+        yield wait
     finally:
-        child.kill()
-        child.wait()
+        for child in children:
+            child.kill()
+            child.wait()
 
 
-def _wait(child: subprocess.Popen[bytes]) -> None:
-    child.wait()
+def warm_emulation() -> None:
+    """One step of a die."""
+    EmulatedController(place(champion(CHAMPION), Hardware.load(HARDWARE)).nominal()).spikes(np.zeros(INPUTS))
 
 
-def warm_up() -> None:
-    """Run what step 5 and 6 run, for one timestep."""
-    arena = Arena(max_timesteps=1)
-    feasibility(champion(CHAMPION), Hardware.load(HARDWARE), dies=1, seed=SEED, arena=arena)
+def warm_models() -> None:
+    """One step of each discrete model that a die is compared with."""
+    network, cards = champion(CHAMPION), Hardware.load(HARDWARE).devices
+    for model in (
+        SpikingController(network),
+        SpikingController(network, cards=cards),
+        SpikingController(network, cards=cards, plasticity="flux"),
+    ):
+        model.spikes(np.zeros(INPUTS))
 
 
 def _run_steps(out: Path, *, say: Callable[[str], None], compiled: Callable[[], None]) -> None:
@@ -97,15 +113,14 @@ def _run_steps(out: Path, *, say: Callable[[str], None], compiled: Callable[[], 
     paths = save_map(study_map(place(network, hardware)), out / "map")
     say(f"   {', '.join(str(path) for path in paths)}")
 
-    say("5  discrete beside emulated, every step of a trial (compiling)")
+    say(f"5  evaluation: discrete beside emulated, every step of a trial, and {DIES} dies (compiling)")
     compiled()
-    check = agreement(network, hardware, seed=SEED)
+    study = feasibility(network, hardware, dies=DIES, seed=SEED)
+    check = study.agreement
+    assert check is not None
     found = "every spike is equal" if check.exact else f"first difference: {check.first_divergence}"
     say(f"   {check.ledger.steps} steps, {check.ledger.events} events: {found}, {check.ties} ties, "
         f"weights within {check.worst_weight_error:.1e}")  # fmt: skip
-
-    say(f"6  evaluation: {DIES} dies against the ideal controller, one start each")
-    study = feasibility(network, hardware, dies=DIES, seed=SEED)
     network.save(out / f"{CHAMPION}.net.json")
     command = f"ohmloom evaluate {out / CHAMPION}.net.json --hardware {HARDWARE} --dies {DIES} --seed {SEED}"
     save_study(study, out, command=command)
@@ -113,7 +128,7 @@ def _run_steps(out: Path, *, say: Callable[[str], None], compiled: Callable[[], 
     for reason in study.reasons:
         say(f"   - {reason}")
 
-    say("7  replay: the emulated hardware drives the robot")
+    say("6  replay: the emulated hardware drives the robot")
     trial, recording, arena = record_trial(network, hardware=hardware, seed=SEED)
     for name in ("replay.html", "replay.png", "replay.gif"):
         replay(recording, arena, out / name)
