@@ -152,6 +152,15 @@ class Plan:
 
         return nominal(self)
 
+    def tile_gain(self, t: int) -> float:
+        """What a tile's senses multiply a current by, so that a synapse of W = 1 counts as 1 [1/A].
+
+        It is 1/(V_read (G_on - reference)), and makes tiles of other kinds of device add up in one membrane.
+        """
+        tile, device = self.tiles[t], self.hardware.devices[self.tiles[t].kind]
+        span = float(device.conductance(1.0)) - (float(device.conductance(0.0)) if tile.subtracts_off else 0.0)
+        return 1.0 / (self.hardware.read.voltage.value * span)
+
     def table(self) -> list[dict[str, Any]]:
         """One row a synapse: which device, which lines, which conductance. Units in the column names."""
         labels = self.network.labels()

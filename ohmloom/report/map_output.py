@@ -70,7 +70,7 @@ class MapStudy:
             tiles.append({
                 "kind": tile.kind, "card": tile.card, "rows": len(tile.rows), "columns": len(tile.columns),
                 "spare_rows": tile.spare_rows, "spare_columns": tile.spare_columns, "synapses": used,
-                "utilisation": used / cells.size, "has_reference": tile.has_reference,
+                "utilisation": used / cells.size, "has_reference": tile.has_reference, "gain": self.plan.tile_gain(t),
                 "read_error": None if tile.read_error is None else asdict(tile.read_error),
                 "yield": asdict(self.yields[t]) if self.yields else None,
             })  # fmt: skip
@@ -147,6 +147,7 @@ def map_words(study: MapStudy) -> Iterator[str]:
             if tile.spare_rows or tile.spare_columns else ""  # fmt: skip
         yield (f"tile {t}, {tile.kind}: {len(tile.rows)} rows x {len(tile.columns)} columns of {tile.card}{extra}; "
                f"{used} of {size} crosspoints used ({used / size:.0%})")  # fmt: skip
+        yield f"  a synapse of W = 1 reads {format_quantity(1.0 / plan.tile_gain(t), 'A')}, its senses' unit"
         errors = tile.read_error
         if errors is not None and errors.given > 0.0:
             yield (f"  worst read error {errors.given:.2%} with lines in ascending order, {errors.sorted:.2%} sorted, "

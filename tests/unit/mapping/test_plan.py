@@ -167,3 +167,11 @@ def test_placing_wants_a_network_and_hardware():
         place(None, Hardware.load("het_mixed"))
     with pytest.raises(ParameterError, match=r"^place\.hardware: expected Hardware, got 'het_mixed'\."):
         place(tiny(), "het_mixed")
+
+
+def test_the_gain_of_a_tile_makes_a_full_synapse_count_as_one():
+    plan = place(HET, Hardware.load("het_mixed"))
+    for t, tile in enumerate(plan.tiles):
+        device = plan.hardware.devices[tile.kind]
+        full = 0.1 * (float(device.conductance(1.0)) - (float(device.conductance(0.0)) if tile.has_reference else 0.0))
+        assert plan.tile_gain(t) * full == pytest.approx(1.0, rel=1e-14)
