@@ -118,6 +118,7 @@ def choose_by_type(function: Callable[..., Any], forms: dict[type, Callable[...,
     def choose(*arguments: Any) -> Any:
         return forms[arguments[0].instance_class]
 
+    # As in `make_callable`.
     choose.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]
     _overload(function, jit_options={"forceinline": True})(choose)
 

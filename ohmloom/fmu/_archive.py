@@ -14,6 +14,8 @@ from ohmloom.errors import FileFormatError, MissingFileError, expect_type, shown
 from ohmloom.fmu._compile import TARGETS, host
 
 LARGEST_CONTENT = 1_000_000_000  # bytes when unpacked; a large FMU has 100 MB
+# A damaged zip file fails in any of these ways; NotImplementedError stands for an unknown compression.
+DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
 LARGEST_DESCRIPTION = 100_000_000
 MOST_ENTRIES = 20_000
 HIGHEST_RATIO = 500  # of unpacked to packed bytes of one entry; text packs 10 to 50 times
@@ -102,7 +104,7 @@ def open_archive(path: Path | str) -> Archive:
                 raise FileFormatError(f"{path}:modelDescription.xml: expected at most {limit} MB, got more. "
                                       "Check that this is an FMU.")  # fmt: skip
             text = file.read("modelDescription.xml")
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except DAMAGED_ZIP as error:
         raise FileFormatError(f"{path}: expected a zip file, got {error}. Check that this is an FMU.") from error
     except OSError as error:
         raise MissingFileError(f"{path}: expected a file that can be read, got {error.strerror}. Check it.") from error
@@ -144,14 +146,25 @@ def check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         seen.add(name.lower())
 
 
-def _read_description(path: Path, text: bytes) -> tuple[int, dict[str, str]]:
-    where = f"{path}:modelDescription.xml"
+def parse_xml(where: str, text: bytes) -> ElementTree.Element:
+    """The root of an XML file of somebody else's; `where` names it in errors.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no XML, or declares a document type, whose entities could grow without bound.
+    """
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise FileFormatError(f"{where}: expected no document type, got one. Do not use this file.")
     try:
-        root = ElementTree.fromstring(text)
+        return ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise FileFormatError(f"{where}: expected XML, got {error}. The file may be damaged.") from error
+
+
+def _read_description(path: Path, text: bytes) -> tuple[int, dict[str, str]]:
+    where = f"{path}:modelDescription.xml"
+    root = parse_xml(where, text)
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not re.fullmatch(r"2\.0|3\.0(\..*|-.*)?", version):
         raise FileFormatError(f"{where}: expected fmiVersion 2.0 or 3.0, got {shown(version)}. "

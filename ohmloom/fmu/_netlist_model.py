@@ -68,7 +68,7 @@ def netlist_model(circuit: Circuit, description: Description, outputs: list[tupl
         *nodes("current", circuit.currents),
         "enum { POTENTIAL, SOURCE, SENSE, CURRENT }; /* kinds of output, and what a place then numbers: nodes, "
         "sources, sources, devices */",
-        array("int", "output_kind", [kind for kind, _ in outputs]),  # type: ignore[misc]
+        array("int", "output_kind", [kind for kind, _ in outputs]),
         array("int", "output_place", [place for _, place in outputs]),
     ]
     values = {

@@ -30,8 +30,8 @@ def number(x: float) -> str:
     return repr(float(x)) if math.isfinite(x) else "-INFINITY" if x < 0 else "INFINITY"
 
 
-def array(kind: str, name: str, values: Iterable[float | int], doc: str = "") -> str:
-    """A constant C array; one that would be empty gets an entry that nothing reads."""
+def array(kind: str, name: str, values: Iterable[float | int | str], doc: str = "") -> str:
+    """A constant C array of numbers or names; one that would be empty gets an entry that nothing reads."""
     words = [number(x) if isinstance(x, float) else str(x) for x in values] or ["0"]
     lines = textwrap.wrap(", ".join(words), 110, initial_indent="    ", subsequent_indent="    ")
     comment = [f"/* {doc} */"] if doc else []

@@ -6,7 +6,6 @@ import contextlib
 import math
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -16,7 +15,7 @@ from xml.etree import ElementTree
 
 from ohmloom._arrays import frozen_array
 from ohmloom.errors import FileFormatError, MissingFileError, ParameterError, UnknownNameError, expect_number, shown
-from ohmloom.fmu._archive import check_entries
+from ohmloom.fmu._archive import DAMAGED_ZIP, check_entries, parse_xml
 from ohmloom.fmu._process import MEMORY, TIMEOUT
 from ohmloom.fmu.host import Host
 from ohmloom.fmu.run import FmuTrace
@@ -212,19 +211,14 @@ def _unpack(path: Path, folder: Path) -> Structure:
                     raise FileFormatError(f"{path}: {name}: expected its source inside, got no {shown(source)}. "
                                           "Pack it again.")  # fmt: skip
             file.extractall(folder)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except DAMAGED_ZIP as error:
         raise FileFormatError(f"{path}: expected a zip file, got {error}. Check that this is an SSP file.") from error
     return structure
 
 
 def _parse(path: Path, text: bytes) -> Structure:
     where = f"{path}:SystemStructure.ssd"
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise FileFormatError(f"{where}: expected no document type, got one. Do not use this file.")
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise FileFormatError(f"{where}: expected XML, got {error}. The file may be damaged.") from error
+    root = parse_xml(where, text)
     system = root.find(f"{SSD}System")
     if root.tag != f"{SSD}SystemStructureDescription" or system is None:
         raise FileFormatError(f"{where}: expected a system of SSP 1.0, got <{root.tag}>. Check the file.")
