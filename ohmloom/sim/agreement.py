@@ -13,7 +13,7 @@ from ohmloom import __version__
 from ohmloom._arrays import FloatArray, IntArray, frozen_array, read_arrays, write_arrays
 from ohmloom.errors import FileFormatError, ParameterError, UnknownNameError, expect_integer
 from ohmloom.mapping import Die, EmulatedController, Hardware, Ledger, place
-from ohmloom.mapping.fabric import pulse_of
+from ohmloom.mapping.pulses import pulse_of
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS, reads_with_reference
 from ohmloom.sim.arena import Arena

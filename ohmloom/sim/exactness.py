@@ -19,7 +19,7 @@ from ohmloom._arrays import FloatArray
 from ohmloom.circuits import Crossbar
 from ohmloom.devices import LAWS, Device
 from ohmloom.mapping import Hardware, Plan, place
-from ohmloom.mapping.fabric import pulse_of
+from ohmloom.mapping.pulses import pulse_of
 from ohmloom.neurocontroller import LATTICES, Network
 from ohmloom.neurocontroller.kinds import MEM_LIFETIME, PLASTIC_KINDS, charge_levels, reads_with_reference
 from ohmloom.neurocontroller.plain import stdp_sign

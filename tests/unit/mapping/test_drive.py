@@ -7,7 +7,7 @@ import pytest
 
 from ohmloom.errors import FileFormatError, MappingError
 from ohmloom.mapping import EmulatedController, Hardware, place
-from ohmloom.mapping.fabric import pulse_area
+from ohmloom.mapping.pulses import pulse_area
 from ohmloom.neurocontroller import Network
 
 NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))

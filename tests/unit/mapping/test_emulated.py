@@ -5,7 +5,7 @@ import pytest
 
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, place
-from ohmloom.mapping.fabric import pulse_of
+from ohmloom.mapping.pulses import pulse_of
 from ohmloom.neurocontroller import Network, Readings, SpikingController, Synapse, mutate
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS, reads_with_reference
 from ohmloom.sim.exactness import exact_variant

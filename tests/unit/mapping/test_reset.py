@@ -7,8 +7,8 @@ import pytest
 
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import Hardware, place, plan_reset
-from ohmloom.mapping.fabric import pulse_of
 from ohmloom.mapping.passage import passage, pulse, pulse_duration
+from ohmloom.mapping.pulses import pulse_of
 from ohmloom.neurocontroller import Network, champion
 
 HP = place(champion("HP"), Hardware.load("hp_1t1r"))
