@@ -18,7 +18,8 @@ import numpy as np
 from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import SYSTEMS, Network, champion
 from ohmloom.sim import Arena, agreement
-from ohmloom.sim.exactness import Case, exact_box
+from ohmloom.sim.exact_case import Case
+from ohmloom.sim.exactness import exact_box
 
 ARENA = Arena(task="static", max_timesteps=100)
 

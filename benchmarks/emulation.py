@@ -16,7 +16,7 @@ import numpy as np
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController, champion
 from ohmloom.sim import Arena, Controller, run_trial
-from ohmloom.sim.exactness import exact_variant
+from ohmloom.sim.exact_case import exact_variant
 
 
 def seconds(controller: Controller, arena: Arena) -> float:

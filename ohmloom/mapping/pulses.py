@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from ohmloom.devices.laws import LAWS
-from ohmloom.mapping.hardware import DriveSpec, Hardware
+from ohmloom.mapping.hardware import Hardware
+from ohmloom.mapping.spec import DriveSpec
 from ohmloom.neurocontroller.device_levels import state_of_weight
 from ohmloom.neurocontroller.kinds import INITIAL_WEIGHT, MEM_LIFETIME, PLASTIC_KINDS
 

@@ -19,7 +19,8 @@ from ohmloom.neurocontroller import Network
 from ohmloom.neurocontroller.plain import stdp_sign
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
-from ohmloom.sim.exactness import Case, Rule, exact_box, exact_variant
+from ohmloom.sim.exact_case import Case, Rule, exact_variant
+from ohmloom.sim.exactness import exact_box
 from ohmloom.sim.trial import draw_trial_key, run_trial
 
 FORMAT, VERSION = "ohmloom.check", 1

@@ -18,7 +18,8 @@ from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
-from ohmloom.sim.exactness import Case, exact_box
+from ohmloom.sim.exact_case import Case
+from ohmloom.sim.exactness import exact_box
 from ohmloom.sim.statistics import Success, paired_success
 from ohmloom.sim.trial import Trial, run_trial
 

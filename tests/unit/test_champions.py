@@ -9,7 +9,7 @@ import pytest
 from ohmloom.mapping import Hardware
 from ohmloom.neurocontroller import SYSTEMS, Network, SpikingController, champion
 from ohmloom.sim import Arena, agreement, run_trial
-from ohmloom.sim.exactness import exact_variant
+from ohmloom.sim.exact_case import exact_variant
 
 EXACT = exact_variant(Hardware.load("het_mixed"), "charge_metered")
 EXAMPLES = Path(__file__).parents[2] / "examples" / "champions"

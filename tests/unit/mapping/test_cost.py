@@ -7,7 +7,7 @@ import pytest
 
 from ohmloom.mapping import Hardware, Quantity, place, plan_cost, pulse_schedule
 from ohmloom.mapping.cost import AREA, ENERGY, TIME, register_bits
-from ohmloom.mapping.hardware import ConverterSpec
+from ohmloom.mapping.spec import ConverterSpec
 from ohmloom.neurocontroller import Network, Synapse, champion
 
 SMALL = Network(

@@ -8,7 +8,7 @@ from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.mapping.pulses import pulse_of
 from ohmloom.neurocontroller import Network, Readings, SpikingController, Synapse, mutate
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS, reads_with_reference
-from ohmloom.sim.exactness import exact_variant
+from ohmloom.sim.exact_case import exact_variant
 
 SENSORS = (0.0, 0.3, 0.0, 0.2, 0.8, 1.0)
 SYSTEMS = ["HP", "PEO", "GA", "HET", "LIN"]

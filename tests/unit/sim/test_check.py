@@ -11,7 +11,8 @@ from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import Network
 from ohmloom.neurocontroller.plain import stdp_sign
 from ohmloom.sim import Arena, Check, check
-from ohmloom.sim.exactness import EXACT, Case, exact_box, exact_variant
+from ohmloom.sim.exact_case import Case, exact_variant
+from ohmloom.sim.exactness import EXACT, exact_box
 
 ARENA = Arena(task="static", max_timesteps=25)
 NAMES = {
@@ -203,3 +204,9 @@ def test_bad_input_is_one_line_and_exit_2(run, words, text):
     assert code == 2
     assert text in err.strip().splitlines()[-1]
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("seed", [1007, 1013])
+def test_kirchhoffs_law_holds_where_the_currents_of_the_lines_all_but_cancel(seed):
+    # Driven with both signs, little net current is left in the lines of these networks.
+    assert EXACT["kirchhoff"](case(random("HP", seed), "ideal")) is True

@@ -6,7 +6,7 @@ import pytest
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController, Synapse
 from ohmloom.sim.agreement import _Pair
-from ohmloom.sim.exactness import exact_variant
+from ohmloom.sim.exact_case import exact_variant
 
 SENSORS = np.array([0.9, 0.0, 0.0, 0.0, 0.0, 0.0])
 
