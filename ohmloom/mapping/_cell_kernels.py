@@ -28,6 +28,7 @@ from ohmloom.mapping._fabric import (
 INTEGRATED = 2  # beside CHARGE and FLUX: a law without a closed form, or one that is checked against it
 NEWTON_ROUNDS = 60
 SMOOTH = 0.05  # relative change of G in an event up to which Simpson's rule errs by less than 1e-6
+SIXTH = 1.0 / 6.0
 STILL = 1e-16  # a change of s that is none
 
 
@@ -52,11 +53,16 @@ choose_by_type(law_conductance, _CONDUCTANCES)
 
 
 @inlined_kernel
+def show(cell: Any, now: Any, tile: Any, g: float) -> None:
+    """What a cell of this conductance looks like to a read."""
+    now["g"], now["r"], now["load"] = g, 1.0 / g, g + tile["reference"]
+    now["weight"] = cell["polarity"] * tile["gain"] * read_weight(g, tile["reference"], tile["g_on"])
+
+
+@inlined_kernel
 def refresh(pulses: Any, cell: Any, now: Any, tile: Any) -> None:
     """Conductance and weight of a live cell from its state."""
-    g = law_conductance(pulses, tile["law"], now["s"], tile["parameters"])
-    now["g"], now["load"] = g, g + tile["reference"]
-    now["weight"] = cell["polarity"] * tile["gain"] * read_weight(g, tile["reference"], tile["g_on"])
+    show(cell, now, tile, law_conductance(pulses, tile["law"], now["s"], tile["parameters"]))
 
 
 @inner_kernel
@@ -116,7 +122,8 @@ def state_behind(law: int, p: Any, q_d: float, s: float, series: float, phi: flo
 def closed_pulse(
     pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
-    """One pulse on a selected cell of an ideal law; (duration in s, charge in C, energy in J), sizes."""
+    """One pulse on a selected cell of an ideal law, and what it leaves; (duration in s, charge in C, energy in J),
+    sizes."""
     p, series = tile["parameters"], cell["series"]
     law, q_d, mode = tile["law"], tile["charge_scale"], constants["mode"]
     before, voltage = now["s"], strength * constants["pulse_voltage"]
@@ -135,6 +142,7 @@ def closed_pulse(
         if rest > 0.0 and (now["s"] == 0.0 or now["s"] == 1.0):
             # The state stands at its wall, and the current goes on.
             charge += rest * g / (1.0 + series * g)
+        show(cell, now, tile, g)
         return tile["duration"] * width, charge, voltage * charge
     charge = size * q_d / MEM_LIFETIME
     count_events(now, tile, sign * size)
@@ -145,8 +153,9 @@ def closed_pulse(
         passed = abs(flux(law, now["s"], p) - flux(law, before, p))
     else:
         middle = ideal_conductance(law, 0.5 * (before + now["s"]), p)
-        passed = (1.0 / now["g"] + 4.0 / middle + 1.0 / g) / 6.0 * inside
-    passed += max(charge - inside, 0.0) / g + series * charge
+        passed = (now["r"] + 4.0 / middle + 1.0 / g) * SIXTH * inside
+    show(cell, now, tile, g)
+    passed += max(charge - inside, 0.0) * now["r"] + series * charge
     if mode == CURRENT:
         duration = tile["duration"] * width
         return duration, charge, passed * charge / duration
@@ -154,6 +163,7 @@ def closed_pulse(
     if constants["metering_delay"] > 0.0:
         more = constants["metering_delay"] * duration * voltage * g / (1.0 + series * g)
         count_events(now, tile, sign * more * MEM_LIFETIME / q_d)
+        refresh(pulses, cell, now, tile)
         charge += more
         duration *= 1.0 + constants["metering_delay"]
     return duration, charge, voltage * charge
@@ -173,6 +183,7 @@ def exact_width(
         now["s"], now["origin"], now["count"] = wanted, now["belief_origin"], now["belief_count"]
     else:
         place_at(pulses, cell, now, tile, state_behind(law, p, q_d, before, series, sign * size * applied))
+    refresh(pulses, cell, now, tile)
     charge = abs(now["s"] - before) * q_d
     return applied / voltage, charge, voltage * charge
 
@@ -190,7 +201,7 @@ def believe(now: Any, tile: Any, sign: int) -> tuple[float, float]:
 
 @inner_kernel
 def integrated_pulse(
-    cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
+    pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
     """The same by integrating the law's own state equation, for any law; wires enter by the voltage they leave at
     first."""
@@ -222,6 +233,7 @@ def integrated_pulse(
             duration = tile["duration"] * width
     now["s"] = min(max(after, 0.0), 1.0)
     now["origin"], now["count"] = now["s"], 0.0
+    refresh(pulses, cell, now, tile)
     return duration, charge, energy
 
 
@@ -242,7 +254,7 @@ def _write_any(
     pulses: Any, cell: Any, now: Any, tile: Any, constants: Any, sign: int, strength: float, width: float
 ) -> tuple[float, float, float]:
     if tile["family"] == INTEGRATED:
-        return integrated_pulse(cell, now, tile, constants, sign, strength, width)
+        return integrated_pulse(pulses, cell, now, tile, constants, sign, strength, width)
     return closed_pulse(pulses, cell, now, tile, constants, sign, strength, width)
 
 

@@ -16,6 +16,7 @@ from ohmloom._arrays import FloatArray, IntArray
 from ohmloom.devices.laws import LAWS
 
 BoolArray = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.uint64]
 CELL, COLUMN, ARRAY = 0, 1, 2
 CHARGE_METERED, CURRENT, VOLTAGE, EXACT_WIDTH = 0, 1, 2, 3
 # Entries of `table`: what the rule asks for, and whether a device may see more than the lowest threshold.
@@ -33,10 +34,13 @@ STEP, FAILED, BUSY_LINES = 0, 1, 2
 # What is read together lies together: one record a cell, tile, neuron. Kernels take few arrays, since numba copies
 # every array's description on every call.
 CELL_FIELDS = np.dtype([
-    ("sender", "i8"), ("receiver", "i8"), ("tile", "i8"),
+    # Indices are unsigned, so that none is asked whether it counts from the end; of 32 bits, since numba takes 64
+    # unsigned and 64 signed bits together for a float.
+    ("sender", "u4"), ("receiver", "u4"), ("tile", "u4"),
     ("row", "i8"),  # physical word line, counted so that all tiles end at the senses
     ("column", "i8"),  # physical bit line
     ("tap", "i8"),
+    ("late", "u8"),  # how far behind the step's own slot of the ring its spike lies
     ("number", "i8"),  # of the synapse, or beyond them of a disabled cell: counter of the noise
     ("is_synapse", "?"),
     ("is_live", "?"),  # whether events move it
@@ -55,6 +59,7 @@ CELL_STATE = np.dtype([
     ("count", "f8"),  # events since
     ("belief_origin", "f8"), ("belief_count", "f8"),  # what an exact-width driver takes for true
     ("g", "f8"),  # [S]
+    ("r", "f8"),  # [ohm]
     ("load", "f8"),  # [S] that a read drives, reference included
     ("weight", "f8"),  # as read, with its polarity and its tile's gain
     ("pulses", "i8"),
@@ -74,19 +79,19 @@ TILE_FIELDS = np.dtype([
 ])  # fmt: skip
 # What a column reads through wires: every word line that has a neuron, whether a device stands there or not.
 READ_FIELDS = np.dtype([
-    ("sender", "i8"), ("tap", "i8"), ("tile", "i8"), ("row", "i8"), ("column", "i8"), ("polarity", "f8"),
+    ("sender", "u4"), ("tap", "i8"), ("late", "u8"), ("tile", "u4"), ("row", "i8"), ("column", "i8"),
+    ("polarity", "f8"),
 ])  # fmt: skip
 READ_STATE = np.dtype([("load", "f8"), ("weight", "f8")])  # as of a cell
 NEURON_FIELDS = np.dtype([
     ("a", "f8"), ("b", "f8"), ("y_thresh", "f8"), ("offset", "f8"),
     ("full_scale", "f8"),  # rows that a converter must hold
 ])  # fmt: skip
-NEURON_STATE = np.dtype([("y", "f8"), ("ls", "i8")])
+NEURON_STATE = np.dtype([("y", "f8"), ("ls", "u4")])
 CONSTANT_FIELDS = np.dtype([
     # drive
     ("mode", "i8"), ("parallelism", "i8"), ("event_level", "f8"), ("pulse_voltage", "f8"),
     ("counts_half_selects", "?"),
-    ("may_write_idle", "?"),  # whether a cell may see something that matters while its column's neuron is idle
     # effects
     ("asymmetry", "f8"), ("metering_delay", "f8"), ("cycle_to_cycle", "f8"), ("cycle_key", "u8"),
     ("half_select", "f8"), ("read_disturb", "f8"), ("read_noise", "f8"), ("read_key", "u8"), ("bits", "i8"),
@@ -103,9 +108,9 @@ class Fabric(NamedTuple):
     """One die, read only."""
 
     cells: npt.NDArray[np.void]  # (cell,)
-    starts: IntArray  # (receiver + 1,) cells of each receiver
+    starts: Indices  # (receiver + 1,) cells of each receiver
     reads: npt.NDArray[np.void]  # (read,) what columns read: the cells themselves, or READ_FIELDS through wires
-    read_starts: IntArray  # (receiver + 1,)
+    read_starts: Indices  # (receiver + 1,)
     tiles: npt.NDArray[np.void]  # (tile,)
     neurons: npt.NDArray[np.void]  # (neuron,)
     constants: npt.NDArray[np.void]  # (1,)
@@ -200,20 +205,28 @@ class FabricState(NamedTuple):
     cells: npt.NDArray[np.void]  # (cell,)
     reads: npt.NDArray[np.void]  # (read,) the cells themselves, or READ_STATE
     neurons: npt.NDArray[np.void]  # (neuron,)
-    ring: FloatArray  # (slot, neuron) 1 for a spike: shift registers of the rows; slots are a power of two
+    ring: FloatArray  # (slot, neuron) 1 for a spike: shift registers of the rows; both are powers of two
     clock: IntArray  # [STEP, FAILED, BUSY_LINES]
     busy: FloatArray  # (tile, column, sign) programming time of this step [s]
     total: FloatArray  # (TOTALS,)
     is_stale: BoolArray  # (tile,) whether what columns read through wires is of other conductances
+    asked: IntArray  # (cell,) scratch: cells of a receiver that a step asks something of
     lines: Any  # NoWires or LineState
+
+
+def power_of_two(least: int) -> int:
+    """The next one."""
+    return 1 << max(least - 1, 0).bit_length()
+
+
+def lateness(tap: Any, sender: Any, neurons: int) -> Any:
+    """Of spikes in a ring laid out flat: steps times its width, less the sender's place."""
+    return (np.asarray(tap) * power_of_two(neurons) - np.asarray(sender)).astype(np.uint64)
 
 
 def empty_state(f: Fabric, *, slots: int, columns: int, scratch: int) -> FabricState:
     """State before the first reset."""
     n, cells, tiles, phases = len(f.neurons), len(f.cells), len(f.tiles), len(f.phase)
-    size: Any = 1
-    while size < slots:
-        size *= 2
     lines: NoWires | LineState = NoWires()
     if isinstance(f.wires, Wires):
         m, width = f.wires.still.shape[1:]
@@ -228,7 +241,7 @@ def empty_state(f: Fabric, *, slots: int, columns: int, scratch: int) -> FabricS
     reads = np.zeros(len(f.reads), dtype=READ_STATE) if isinstance(f.wires, Wires) else state
     return FabricState(
         cells=state, reads=reads, neurons=np.zeros(n, dtype=NEURON_STATE),
-        ring=np.zeros((size, n)), clock=np.zeros(3, dtype=np.int64),
+        ring=np.zeros((power_of_two(slots), power_of_two(n))), clock=np.zeros(3, dtype=np.int64),
         busy=np.zeros((tiles, columns, 2)), total=np.zeros(TOTALS),
-        is_stale=np.ones(tiles, dtype=np.bool_), lines=lines,
+        is_stale=np.ones(tiles, dtype=np.bool_), asked=np.zeros(cells + 1, dtype=np.int64), lines=lines,
     )  # fmt: skip

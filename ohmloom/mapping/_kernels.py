@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ohmloom._arrays import FloatArray, IntArray
 from ohmloom._jit import choose_by_type, inlined_kernel, inner_kernel, kernel
 from ohmloom._philox_kernels import normal
@@ -41,6 +43,7 @@ from ohmloom.mapping._fabric import (
     DrivenLines,
     Fabric,
     FabricState,
+    Indices,
     Lasting,
     LineState,
     NoWires,
@@ -95,22 +98,34 @@ def age(f: Fabric, s: FabricState) -> None:
 
 @inlined_kernel
 def read_column(
-    starts: IntArray, cells: Any, state: Any, ring: FloatArray, j: int, now: int
-) -> tuple[float, float, float]:
-    """Column-serial read of one receiver: weighted sum, sum of its squares, conductance that its rows drive [S].
+    starts: Indices, cells: Any, state: Any, spikes: FloatArray, j: int, now: np.uint64
+) -> tuple[float, float]:
+    """Column-serial read of one receiver: weighted sum, conductance that its rows drive [S].
 
     A row is driven if the tap of its shift register holds a spike. Adding 0 for the others changes no bit of the sum,
-    and costs less than asking.
+    and costs less than asking. `spikes` is the ring laid out flat, `now` where this step begins in it, a
+    round later: unsigned and never negative, so that no index is asked whether it counts from the end.
     """
-    mask = ring.shape[0] - 1
-    total, squares, conducting = 0.0, 0.0, 0.0
+    mask = np.uint64(spikes.shape[0] - 1)
+    total, conducting = 0.0, 0.0
     for k in range(starts[j], starts[j + 1]):
-        spike = ring[(now - cells[k]["tap"]) & mask, cells[k]["sender"]]
-        part = spike * state[k]["weight"]
-        total += part
-        squares += part * part
+        spike = spikes[(now - cells[k]["late"]) & mask]
+        total += spike * state[k]["weight"]
         conducting += spike * state[k]["load"]
-    return total, squares, conducting
+    return total, conducting
+
+
+@inlined_kernel
+def column_squares(
+    starts: Indices, cells: Any, state: Any, spikes: FloatArray, j: int, now: np.uint64
+) -> float:  # fmt: skip
+    """Sum of the squares of what `read_column` adds."""
+    mask = np.uint64(spikes.shape[0] - 1)
+    squares = 0.0
+    for k in range(starts[j], starts[j + 1]):
+        part = spikes[(now - cells[k]["late"]) & mask] * state[k]["weight"]
+        squares += part * part
+    return squares
 
 
 @inner_kernel
@@ -172,7 +187,6 @@ def write_cell(
             v /= 1.0 + cell["series"] * now["g"]
         if cell["is_live"] and v > cell["threshold"]:
             duration, charge, energy = write_pulse(pulses, cell, now, tile, constants, sign, strength, width)
-            refresh(pulses, cell, now, tile)
             t, side = cell["tile"], 0 if sign > 0 else 1
             if constants["parallelism"] == ARRAY:
                 busy[t, 0, side] = max(busy[t, 0, side], duration)
@@ -189,29 +203,39 @@ def write_cell(
 
 @inlined_kernel
 def program_cells(
-    pulses: Any, cells: Any, state: Any, tiles: Any, constants: Any, neurons: Any, starts: IntArray, table: Any,
+    pulses: Any, cells: Any, state: Any, tiles: Any, constants: Any, neurons: Any, starts: Indices, table: Any,
     phase: FloatArray, levels: FloatArray, busy: FloatArray, total: FloatArray, clock: IntArray, is_stale: Any,
+    asked: IntArray,
 ) -> None:  # fmt: skip
     """Program cells that see exactly the voltage of their lines, or that are selected one by one."""
     for j in range(INPUTS, neurons.shape[0]):
         post = neurons[j]["ls"]
-        if post == 0 and not constants["may_write_idle"]:
-            continue  # nothing is asked for where ls = 0, and no cell of this die sees enough there
+        anything = 0
+        for pre in range(table.shape[0]):
+            anything |= table[pre, post]
+        if anything == 0:
+            continue
+        # Counting on instead of branching: nothing foretells of which cell something is asked.
+        found = 0
         for k in range(starts[j], starts[j + 1]):
+            asked[found] = k
+            found += table[neurons[cells[k]["sender"]]["ls"], post] != 0
+        for n in range(found):
+            k = asked[n]
             cell = cells[k]
             pre = neurons[cell["sender"]]["ls"]
-            asked = table[pre, post]
+            wanted = table[pre, post]
             tile = tiles[cell["tile"]]
-            if asked == 0 or tile["family"] < 0:
+            if tile["family"] < 0:
                 continue
             written = 0.0
-            if asked & MAY_FIRE:
+            if wanted & MAY_FIRE:
                 clock[BUSY_LINES] = 1
                 is_stale[cell["tile"]] = True
                 written = write_cell(
                     pulses, cell, state[k], tile, constants, phase, levels, pre, post, busy, total
                 )  # fmt: skip
-            state[k]["pulses"] += judge(cell["is_synapse"], asked, written, total)
+            state[k]["pulses"] += judge(cell["is_synapse"], wanted, written, total)
 
 
 @kernel
@@ -260,7 +284,7 @@ def _program(lines: Any, f: Fabric, s: FabricState) -> None:
 def _program_selected(lines: Any, f: Fabric, s: FabricState) -> None:
     program_cells(
         f.pulses, f.cells, s.cells, f.tiles, f.constants[0], s.neurons, f.starts, f.table, f.phase, f.levels, s.busy,
-        s.total, s.clock, s.is_stale,
+        s.total, s.clock, s.is_stale, s.asked,
     )  # fmt: skip
 
 
@@ -322,19 +346,23 @@ choose_by_type(_reset_lines, _RESETS)
 def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
     """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike."""
     neurons, state, ring, total, constants = f.neurons, s.neurons, s.ring, s.total, f.constants[0]
-    mask = ring.shape[0] - 1
+    mask, spikes = ring.shape[0] - 1, ring.reshape(-1)
     clamp, gain, c, last_spike = constants["clamp"], constants["synapse_gain"], constants["c"], constants["last_spike"]
     read_starts, reads, read_state = f.read_starts, f.reads, s.reads
     energy = constants["read_voltage"] * constants["read_voltage"] * constants["read_duration"]
     for _ in range(steps):
         now, step = s.clock[STEP], int(total[STEPS_DONE])
+        begin = np.uint64((now + ring.shape[0]) * ring.shape[1])
         _prepare_reads(f.wires, f, s)
         for j in range(neurons.shape[0]):
             a, b = neurons[j]["a"], neurons[j]["b"]
             if j < INPUTS:
                 y = membrane(state[j]["y"], sensors[j], a, b, clamp)
             else:
-                weighted, squares, conducting = read_column(read_starts, reads, read_state, ring, j, now)
+                weighted, conducting = read_column(read_starts, reads, read_state, spikes, j, begin)
+                squares = 0.0
+                if constants["read_noise"] > 0.0:
+                    squares = column_squares(read_starts, reads, read_state, spikes, j, begin)
                 total[READ_ENERGY] += energy * conducting
                 weighted = sense(constants, neurons[j], j, step, weighted, squares)
                 y = membrane(state[j]["y"], gain * weighted, a, b, clamp)

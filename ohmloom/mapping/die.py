@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray, IntArray, frozen_array
 from ohmloom.errors import expect_integer, expect_type
+from ohmloom.mapping.importance import column_importance
 from ohmloom.mapping.nonidealities import EFFECTS
 from ohmloom.mapping.plan import Plan
 from ohmloom.mapping.repair import GOOD, STUCK_OFF, STUCK_ON, Repair, repair, unrepaired
@@ -112,7 +113,8 @@ def sample(plan: Plan, *, seed: int, die: int = 0, is_repaired: bool = True) -> 
     seed, die
         Integers >= 0. Any worker that knows both draws the same die.
     is_repaired
-        Whether lines are permuted, onto spare ones too, so that as few synapses as possible stand on faults.
+        Whether lines are permuted, onto spare ones too, so that as little as possible of what the outputs receive
+        runs through faults.
 
     Raises
     ------
@@ -128,7 +130,7 @@ def sample(plan: Plan, *, seed: int, die: int = 0, is_repaired: bool = True) -> 
         seen, demand = np.where(grid == UNFORMED, STUCK_OFF, grid), _demand(plan, t)
         if is_repaired and seen.any():
             rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPAIR_STREAM, die, t)))
-            repairs.append(repair(seen, demand, rng=rng))
+            repairs.append(repair(seen, demand, _importance(plan, t), rng=rng))
         else:
             repairs.append(unrepaired(seen, demand))
     return Die(
@@ -182,6 +184,13 @@ def _demand(plan: Plan, t: int) -> IntArray:
         if point.tile == t:
             wanted[point.row, point.column] = 1
     return wanted
+
+
+def _importance(plan: Plan, t: int) -> FloatArray:
+    tile = plan.tiles[t]
+    of_columns = column_importance(plan.network)[list(tile.columns)]
+    grid: FloatArray = np.broadcast_to(of_columns, (len(tile.rows), len(tile.columns)))
+    return grid
 
 
 def _programmed(plan: Plan, errors: FloatArray) -> FloatArray:

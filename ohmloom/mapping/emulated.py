@@ -224,7 +224,7 @@ class EmulatedController:
 
         s = self._state
         s.neurons["y"], s.neurons["ls"] = membranes, ls
-        s.ring[(int(s.clock[STEP]) - 1) % s.ring.shape[0]] = spiked
+        s.ring[(int(s.clock[STEP]) - 1) % s.ring.shape[0], : spiked.size] = spiked
         devices, tiles = self.die.plan.hardware.devices, self.die.plan.tiles
         for point, place, now in zip(self.die.plan.crosspoints, self._order, self.weights, strict=True):
             if now != weights[point.synapse]:

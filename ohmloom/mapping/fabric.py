@@ -93,6 +93,7 @@ def build_fabric(
     counts_half_selects = drive.mode == "voltage" and not is_selected
     lowest = float(threshold[live].min(initial=drive.threshold.value))
     taps = _taps(plan)
+    late = f.lateness(taps, np.arange(len(taps))[:, None], len(taps))
     is_driven = drive.mode == "voltage" and not is_selected and isinstance(wires, f.Wires)
     cell = np.zeros(len(cells), dtype=f.CELL_FIELDS)
     series = _series(die, cells) if is_selected else np.zeros(len(cells))
@@ -100,6 +101,7 @@ def build_fabric(
         point = None if c.synapse is None else plan.crosspoints[c.synapse]
         cell[k] = (
             c.sender, c.receiver, c.tile, c.row + _padding(plan, c.tile), c.column, taps[c.sender, c.receiver],
+            late[c.sender, c.receiver],
             next(other) if c.synapse is None else c.synapse, c.synapse is not None, c.fixed is None, c.polarity,
             c.state, coordinate(c.tile, c.state), c.state if point is None else point.state,
             0.0 if c.fixed is None else c.fixed, (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k],
@@ -122,15 +124,15 @@ def build_fabric(
     constants = np.zeros(1, dtype=f.CONSTANT_FIELDS)
     constants[0] = (
         MODES[drive.mode], PARALLELISMS[drive.parallelism], drive.shape.event, drive.pulse_voltage.value,
-        counts_half_selects, bool(table[:, 0].any()), effects["asymmetry"], effects["metering_delay"],
+        counts_half_selects, effects["asymmetry"], effects["metering_delay"],
         effects["cycle_to_cycle"], die.keys.get("cycle_to_cycle", 0), effects["half_select"],
         effects["read_disturb"], effects["read_noise"], die.keys.get("read_noise", 0), effects.bits, effects.settled,
         effects.decay, hardware.read.voltage.value, hardware.read.duration.value, r.last_spike, r.c, r.c_ini,
         r.synapse_gain,
         r.high_count, r.clamp, r.carry_state,
     )  # fmt: skip
-    starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.int64)
-    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps, cells)
+    starts = np.searchsorted([c.receiver for c in cells], np.arange(n + 1)).astype(np.uint64)
+    reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps, late, cells)
     fabric = f.Fabric(
         cells=cell, starts=starts, reads=reads, read_starts=read_starts,
         tiles=tiles, neurons=neurons, constants=constants,
@@ -370,7 +372,7 @@ def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int], *, as_wired: bo
     )  # fmt: skip
 
 
-def _reads(die: Die, taps: IntArray, cells: list[_Cell]) -> tuple[Any, IntArray]:
+def _reads(die: Die, taps: IntArray, late: IntArray, cells: list[_Cell]) -> tuple[Any, f.Indices]:
     """What each receiver's bit lines read from every word line, and where each receiver begins.
 
     Beside a reference column, word lines that nothing connects with a receiver's bit line stay at 0 V while that is
@@ -385,9 +387,17 @@ def _reads(die: Die, taps: IntArray, cells: list[_Cell]) -> tuple[Any, IntArray]
                 if tile.has_reference and (t, int(repair.rows[i]), int(repair.columns[j])) not in conducting:
                     continue
                 polarity = _row_polarity(plan, sender) * tile.column_signs[j]
-                entry = (sender, taps[sender, receiver], t, pad + repair.rows[i], repair.columns[j], polarity)
+                entry = (
+                    sender,
+                    taps[sender, receiver],
+                    late[sender, receiver],
+                    t,
+                    pad + repair.rows[i],
+                    repair.columns[j],
+                    polarity,
+                )
                 found.append((receiver, sender, t, entry))
     found.sort(key=lambda one: one[:3])
     reads = np.array([entry for *_, entry in found], dtype=f.READ_FIELDS)
     receivers = [receiver for receiver, *_ in found]
-    return reads, np.searchsorted(receivers, np.arange(plan.network.neurons + 1)).astype(np.int64)
+    return reads, np.searchsorted(receivers, np.arange(plan.network.neurons + 1)).astype(np.uint64)

@@ -45,7 +45,7 @@ def ladder(case: Case) -> bool | str:
 
 def column_serial_delay(case: Case) -> bool | str:
     """Columns read one after the other through taps see every spike after its delay, to the last bit."""
-    from ohmloom.mapping._fabric import READ_FIELDS, READ_STATE
+    from ohmloom.mapping._fabric import READ_FIELDS, READ_STATE, lateness, power_of_two
     from ohmloom.mapping._kernels import read_column
 
     synapses = case.network.synapses
@@ -58,19 +58,22 @@ def column_serial_delay(case: Case) -> bool | str:
     state = np.zeros(len(order), dtype=READ_STATE)
     reads["sender"] = [synapses[k].pre for k in order]
     reads["tap"] = [case.network.delay(synapses[k]) for k in order]
+    reads["late"] = lateness(reads["tap"], reads["sender"], n)
     # Dyadic weights add without rounding, so that the order of a sum can hide nothing.
     state["weight"] = rng.integers(-64, 65, len(order)) / 64.0
     posts = np.array([synapses[k].post for k in order])
-    starts = np.searchsorted(posts, np.arange(n + 1))
-    slots = 1 << int(reads["tap"].max()).bit_length()
-    ring = np.zeros((slots, n))
+    starts = np.searchsorted(posts, np.arange(n + 1)).astype(np.uint64)
+    slots = power_of_two(int(reads["tap"].max()) + 1)
+    ring = np.zeros((slots, power_of_two(n)))
+    flat = ring.reshape(-1)
     for now in range(SKEWED_STEPS):
+        begin = np.uint64((now + slots) * ring.shape[1])
         for j in range(n):
             late = now - reads["tap"]
             arrived = np.where(late >= 0, spikes[np.maximum(late, 0), reads["sender"]], 0.0)
-            if read_column(starts, reads, state, ring, j, now)[0] != (arrived * state["weight"])[posts == j].sum():
+            if read_column(starts, reads, state, flat, j, begin)[0] != (arrived * state["weight"])[posts == j].sum():
                 return False
-        ring[now % slots] = spikes[now]
+        ring[now % slots, :n] = spikes[now]
     return True
 
 
