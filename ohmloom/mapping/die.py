@@ -195,13 +195,13 @@ def _importance(plan: Plan, t: int) -> FloatArray:
 
 def _programmed(plan: Plan, errors: FloatArray) -> FloatArray:
     """States after write-verify with errors in units of G_on, axes (synapse,)."""
-    states, devices = np.empty(len(plan.crosspoints)), plan.hardware.devices
-    for k, (point, error) in enumerate(zip(plan.crosspoints, errors, strict=True)):
-        device = devices[plan.tiles[point.tile].kind]
+    points = plan.crosspoints
+    states, wanted = np.array([point.state for point in points]), np.array([point.conductance for point in points])
+    of_tile, devices = np.array([point.tile for point in points]), plan.hardware.devices
+    for t, tile in enumerate(plan.tiles):
+        missed, device = (of_tile == t) & (errors != 0.0), devices[tile.kind]
         g_on, g_off = float(device.conductance(1.0)), float(device.conductance(0.0))
-        if error == 0.0:
-            states[k] = point.state
-        else:
-            g = min(max(point.conductance + error * g_on, g_off), g_on)
-            states[k] = device.state_at_weight(min(max(g / g_on, g_off / g_on), 1.0))
+        g = np.clip(wanted[missed] + errors[missed] * g_on, g_off, g_on)
+        if g.size:
+            states[missed] = device.state_at_weight(np.clip(g / g_on, g_off / g_on, 1.0))
     return states

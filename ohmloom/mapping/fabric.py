@@ -223,6 +223,7 @@ def _cells(die: Die) -> list[_Cell]:
         seconds = _second_devices(plan, t)
         of_fault = {STUCK_ON: g_on, STUCK_OFF: g_off, UNFORMED: unformed}
         is_plastic = tile.kind in PLASTIC_KINDS
+        programmed = None if is_plastic else device.conductance(die.state)
         for i, sender in enumerate(tile.rows):
             for j, receiver in enumerate(tile.columns):
                 row, column = int(repair.rows[i]), int(repair.columns[j])
@@ -231,8 +232,8 @@ def _cells(die: Die) -> list[_Cell]:
                 if point is not None:
                     polarity, state = point.polarity, float(die.state[point.synapse])
                     fixed = of_fault.get(fault)
-                    if fixed is None and not is_plastic:
-                        fixed = float(device.conductance(state))
+                    if fixed is None and programmed is not None:
+                        fixed = float(programmed[point.synapse])
                 elif (i, j) in seconds:
                     continue  # subtracted as a reference, or one of the lines' still conductances
                 else:

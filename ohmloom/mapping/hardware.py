@@ -37,6 +37,11 @@ def _shipped_card(name: str) -> Device:
     return Device.load(name)
 
 
+@cache
+def _shipped_cards() -> frozenset[str]:
+    return frozenset(Device.names())
+
+
 def _known_kinds(cards: dict[str, str]) -> dict[str, str]:
     unknown = [kind for kind in cards if kind not in KINDS]
     if unknown:
@@ -152,7 +157,7 @@ class Hardware(_HardwareFile):
     @property
     def devices(self) -> dict[str, Device]:
         """Device card of each kind that this hardware can build, in the order of the kinds."""
-        shipped = Device.names()
+        shipped = _shipped_cards()
         return {
             kind: _shipped_card(card) if card in shipped else Device.load(card)
             for kind in KINDS
