@@ -77,6 +77,9 @@ def fmu_export(
     ] = None,
     task: Annotated[Literal["static", "dynamic"], typer.Option(help="arena, system: the task.")] = "static",
     trial_key: Annotated[int, typer.Option(metavar="N", help="arena, system: key of the random numbers.")] = 0,
+    arrays: Annotated[
+        bool, typer.Option("--arrays", help="FMI 3.0, all but device and system: lines, charges, sensors as arrays.")
+    ] = False,
     json_: JsonOption = False,
 ) -> None:
     """Write an FMU, or for a system an SSP file: a memristor, a circuit, a controller, its arena, or both as a loop."""
@@ -93,10 +96,11 @@ def fmu_export(
                              "Correct it.")  # fmt: skip
     if q0 is not None and kind != "device":
         raise ParameterError(f"--q0: expected a device, got {kind}. Leave it out.")
+    if arrays and kind in ("device", "system"):
+        raise ParameterError(f"--arrays: expected a crossbar, a controller or an arena, got {kind}. Leave it out.")
     _check_out(out, Path(source or ""))
-    written = _write(
-        kind, source or "", out, 2 if fmi == "2" else 3, platforms, q0, task, trial_key, hardware, tile, seed
-    )
+    version: FmiVersion = 2 if fmi == "2" else 3
+    written = _write(kind, source or "", out, version, platforms, q0, task, trial_key, hardware, tile, seed, arrays)
     if json_:
         print(json.dumps({"file": str(written.path), "platforms": written.platforms, "token": written.token,
                           "size": written.size}, indent=1))  # fmt: skip
@@ -117,6 +121,7 @@ def _write(
     hardware: str | None,
     tile: str | None,
     seed: int | None,
+    arrays: bool,
 ) -> Export:
     if kind == "device":
         from ohmloom.devices import Device
@@ -127,11 +132,11 @@ def _write(
     if kind == "crossbar":
         from ohmloom.fmu import export_crossbar
 
-        return export_crossbar(_circuit(source, hardware, tile), out, fmi=fmi, platforms=platforms)
+        return export_crossbar(_circuit(source, hardware, tile), out, fmi=fmi, platforms=platforms, arrays=arrays)
     if kind == "arena":
         from ohmloom.fmu import export_arena
 
-        return export_arena(task, out, fmi=fmi, platforms=platforms, trial_key=key)
+        return export_arena(task, out, fmi=fmi, platforms=platforms, trial_key=key, arrays=arrays)
     from ohmloom.fmu import export_controller, export_system
     from ohmloom.neurocontroller import Network
 
@@ -144,9 +149,9 @@ def _write(
         die = plan.nominal() if seed is None else plan.sample(seed=seed)
         if kind == "system":
             return export_system(die, out, fmi=fmi, platforms=platforms, task=task, trial_key=key)
-        return export_hardware_controller(die, out, fmi=fmi, platforms=platforms)
+        return export_hardware_controller(die, out, fmi=fmi, platforms=platforms, arrays=arrays)
     if kind == "controller":
-        return export_controller(network, out, fmi=fmi, platforms=platforms)
+        return export_controller(network, out, fmi=fmi, platforms=platforms, arrays=arrays)
     return export_system(network, out, fmi=fmi, platforms=platforms, task=task, trial_key=key)
 
 

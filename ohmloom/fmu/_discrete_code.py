@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from ohmloom.devices.emit import identifier
 from ohmloom.fmu._tables import array, number, variable_table
-from ohmloom.fmu.description import Description, Variable
+from ohmloom.fmu.description import Block, Description, Variable
 from ohmloom.neurocontroller import KINDS, LATTICES, Network
 from ohmloom.neurocontroller.kinds import charge_levels
 from ohmloom.neurocontroller.wiring import NOT_PLASTIC, wire
@@ -52,6 +53,12 @@ def sensor_variables(kind: str, doc: str, initial: tuple[str, ...] = ()) -> tupl
     if kind == "input":
         return tuple(Variable(name=s, kind="input", unit="1", doc=doc, low=0.0, high=1.0) for s in SENSORS)
     return tuple(Variable(name=s, kind="output", unit="1", doc=doc, initial_dependencies=initial) for s in SENSORS)
+
+
+def with_arrays(description: Description) -> Description:
+    """The six sensors as one array; the first three are infrared, the others light."""
+    doc = "sensors in [0, 1]: " + ", ".join(SENSORS)
+    return replace(description, blocks=(Block(name="sensors", doc=doc, elements=SENSORS, shape=(len(SENSORS),)),))
 
 
 def action_outputs(needs: tuple[str, ...]) -> tuple[Variable, ...]:

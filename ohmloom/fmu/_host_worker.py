@@ -6,6 +6,7 @@ It imports nothing of ohmloom, reads one request a line from its input, and writ
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from typing import Any
@@ -90,6 +91,9 @@ class Instance:
         for name, x in values.items():
             v = self.variables[name]
             kind = v.type if v.type != "Enumeration" else "Integer" if self.is_two else "Int64"
+            if v.shape:
+                getattr(self.fmu, f"set{kind}")([v.valueReference], list(x))
+                continue
             value = x if kind in ("String", "Binary") else bool(x) if kind == "Boolean" else x
             if kind not in ("Real", "Float64", "Float32", "Boolean", "String", "Binary"):
                 value = int(x)
@@ -98,6 +102,8 @@ class Instance:
     def value(self, name: str) -> Any:
         v = self.variables[name]
         kind = v.type if v.type != "Enumeration" else "Integer" if self.is_two else "Int64"
+        if v.shape:
+            return getattr(self.fmu, f"get{kind}")([v.valueReference], math.prod(v.shape))
         x = getattr(self.fmu, f"get{kind}")([v.valueReference])[0]
         return bool(x) if kind == "Boolean" else x
 
@@ -111,7 +117,9 @@ class Instance:
         }
         keys = ("name", "causality", "variability", "initial", "min", "max", "type", "start")
         return {
-            "variables": [{key: getattr(v, key) for key in keys} for v in d.modelVariables],
+            "variables": [
+                {key: getattr(v, key) for key in keys} | {"shape": list(v.shape or ())} for v in d.modelVariables
+            ],
             "dependencies": needs,
             "step_size": float(experiment.stepSize) if experiment and experiment.stepSize else None,
             "stop_time": float(experiment.stopTime) if experiment and experiment.stopTime else None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from ohmloom.circuits.waveforms import Waveform
 from ohmloom.devices import LAWS, Device
 from ohmloom.devices._checks import LARGEST_VOLTAGE
 from ohmloom.errors import ParameterError
-from ohmloom.fmu.description import Description, Variable
+from ohmloom.fmu.description import Block, Description, Variable
 
 LARGEST_CURRENT = 1e6  # A
 MOST_NEEDS = 2_000_000  # dependencies that are listed; beyond, everything may depend on everything
@@ -194,6 +194,30 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
     description = Description(name=name, identifier=label, doc=f"{len(charges)} memristors in a circuit", stop_time=1.0,
                               step_size=0.01, variables=tuple(variables))  # fmt: skip
     return description, [place for _, place in outputs]
+
+
+def with_arrays(description: Description) -> Description:
+    """A crossbar's variables as arrays: by line, and by crosspoint where each has a device, else by device."""
+    names = [v.name for v in description.variables]
+    places = [name[3:] for name in names if re.fullmatch(r"q0_\d+_\d+", name)]
+    shape = tuple(max(int(place.split("_")[axis]) for place in places) + 1 for axis in (0, 1))
+    if [f"{i}_{j}" for i in range(shape[0]) for j in range(shape[1])] != places:
+        shape = (len(places),)
+
+    def block(name: str, doc: str, pattern: str, shape: tuple[int, ...] | None = None) -> Block:
+        elements = tuple(found for found in names if re.fullmatch(pattern, found))
+        return Block(name=name, doc=doc, elements=elements, shape=shape or (len(elements),))
+
+    return replace(description, blocks=(
+        block("q0", "charges at the start", r"q0_\d+_\d+", shape),
+        block("v_row", "voltages of the word lines' drivers", r"v_row_\d+"),
+        block("v_column", "what the bit lines' senses hold", r"v_column_\d+"),
+        block("q", "state charges, from 0 to q_d", r"q_\d+_\d+", shape),
+        block("der(q)", "0 where a charge rests at a limit", r"der\(q_\d+_\d+\)", shape),
+        block("i_column", "currents into the senses of the bit lines", r"i_column_\d+"),
+        block("q_from_limits", "positive until a charge reaches or leaves 0, and q_d", r"q_(above_low|below_high)_.*",
+              (*shape, 2)),
+    ))  # fmt: skip
 
 
 def _parameters(circuit: Circuit) -> Iterable[Variable]:

@@ -70,6 +70,7 @@ def describe(question: Question, logged: list[str]) -> Answer:
     return {
         "variables": [
             {key: getattr(v, key) for key in ("name", "causality", "initial", "min", "max", "type")}
+            | {"shape": list(v.shape or ())}
             for v in d.modelVariables
         ],
         "step_size": float(experiment.stepSize) if experiment and experiment.stepSize else None,
@@ -102,7 +103,36 @@ def simulate(question: Question, logged: list[str]) -> Answer:
         relative_tolerance=question.get("tolerance"), output=question.get("outputs"), logger=_logger(logged),
         **{name: question.get(name) for name in names},
     )  # fmt: skip
-    return {"values": {name: result[name].tolist() for name in result.dtype.names}}
+    columns = {}
+    for name in result.dtype.names:
+        for index in np.ndindex(result[name].shape[1:]):
+            columns[_element(name, index)] = result[name][(slice(None), *index)].tolist()
+    return {"values": columns}
+
+
+def _element(name: str, index: tuple[int, ...]) -> str:
+    """Name of an element of an array, or of the variable itself."""
+    return f"{name}[{','.join(map(str, index))}]" if index else name
+
+
+def _elements(variable: Any, values: Any) -> Answer:
+    """What a function has got of a variable, by element."""
+    import numpy as np
+
+    indices = np.ndindex(tuple(variable.shape or ()))
+    return {_element(variable.name, i): float(x) for i, x in zip(indices, values, strict=True)}
+
+
+def _size(variable: Any) -> int:
+    import math
+
+    return math.prod(variable.shape or ())
+
+
+def _got(fmu: Any, variable: Any) -> Any:
+    """Values of a variable in FMPy, one or those of an array."""
+    get = getattr(fmu, f"get{variable.type}")
+    return get([variable.valueReference], _size(variable)) if variable.shape else get([variable.valueReference])
 
 
 def state(question: Question, logged: list[str]) -> Answer:
@@ -116,7 +146,7 @@ def state(question: Question, logged: list[str]) -> Answer:
     def go_on(fmu: Any, begin: int) -> list[float]:
         for k in range(begin, begin + SHORT):
             fmu.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
-        return [float(getattr(fmu, f"get{v.type}")([v.valueReference])[0]) for v in outputs]
+        return [float(x) for v in outputs for x in _got(fmu, v)]
 
     go_on(first, 0)
     if is_two:
@@ -175,12 +205,16 @@ def _given(question: Question, description: Any) -> list[tuple[Any, Any]]:
     return [(by_name[name], _as_type(by_name[name].type, x)) for name, x in question["start_values"].items()]
 
 
-def _as_type(type_: str, x: float) -> Any:
+def _as_type(type_: str, x: Any) -> Any:
+    if isinstance(x, list):
+        return [_as_type(type_, each) for each in x]
     return bool(x) if type_ == "Boolean" else int(x) if type_ in ("Integer", "Int32") else float(x)
 
 
 def fmuloader(question: Question, logged: list[str]) -> Answer:
     """The values of the outputs after the same steps in fmuloader."""
+    import ctypes
+
     description = _description(question)
     identifier = description.coSimulation.modelIdentifier
     if description.fmiVersion.startswith("2"):
@@ -195,14 +229,22 @@ def fmuloader(question: Question, logged: list[str]) -> Answer:
         slave = Fmi3Slave(question["folder"], model_identifier=identifier)
         slave.instantiate_co_simulation("probe", instantiation_token=description.guid)
     for variable, value in _given(question, description):
-        getattr(slave, f"set_{variable.type.lower()}")([variable.valueReference], [value])
+        many = value if isinstance(value, list) else [value]
+        getattr(slave, f"set_{variable.type.lower()}")([variable.valueReference], many)
     slave.enter_initialization_mode()
     slave.exit_initialization_mode()
     for k in range(SHORT):
         slave.do_step(k * question["step_size"], question["step_size"])
-    values = {
-        v.name: float(getattr(slave, f"get_{v.type.lower()}")([v.valueReference])[0]) for v in _outputs(description)
-    }
+    values: Answer = {}
+    for v in _outputs(description):
+        if not v.shape:
+            got: Any = getattr(slave, f"get_{v.type.lower()}")([v.valueReference])
+        else:
+            # Its own getter makes room for one value a reference.
+            got = (ctypes.c_double * _size(v))()
+            if slave._fmi3GetFloat64(slave._instance, slave._vr_array([v.valueReference]), 1, got, _size(v)):
+                raise RuntimeError(f"fmi3GetFloat64 failed for {v.name}")
+        values |= _elements(v, got)
     slave.terminate()
     slave.free_instance()
     return {"values": values}

@@ -22,7 +22,16 @@ def variable_table(description: Description) -> str:
     for v in description.variables:
         low, high = (number(x) if v.is_given else "0.0" for x in (v.low, v.high))
         lines.append(row(v.name, v.type.upper(), ROLES.get(v.kind, "CALCULATED"), number(v.start), low, high))
-    return "\n".join(["static const Variable variables[] = {", *lines, "};"])
+    text = "\n".join(["static const Variable variables[] = {", *lines, "};"])
+    if not description.blocks:
+        return text
+    places = {v.name: k for k, v in enumerate(description.variables, 1)}
+    blocks = [f"    {{{places[b.elements[0]]}, {len(b.elements)}}}, /* {b.name} */" for b in description.blocks]
+    comment = (
+        "/* Arrays: the place of the first element, its value reference, and how many there are. */"
+    )
+    head = ["static const struct {", "    unsigned int first, size;", "} arrays[] = {"]
+    return "\n".join([text, "", comment, *head, *blocks, "};"])
 
 
 def number(x: float) -> str:

@@ -52,7 +52,13 @@ class Export:
 
 
 def check_options(
-    where: str, out: Path | str, fmi: int, platforms: str, *, suffixes: tuple[str, ...] = (".fmu",)
+    where: str,
+    out: Path | str,
+    fmi: int,
+    platforms: str,
+    *,
+    suffixes: tuple[str, ...] = (".fmu",),
+    arrays: bool = False,
 ) -> Path:
     """Refuse a bad place, version or choice of platforms before any work is done.
 
@@ -74,6 +80,9 @@ def check_options(
         raise ParameterError(f"{where}: out: expected a file, got the folder {path}. Use another path.")
     if isinstance(fmi, bool) or fmi not in (2, 3):
         raise ParameterError(f"{where}: fmi: expected 2 or 3, got {shown(fmi)}. Choose one.")
+    if arrays is True and fmi == 2:
+        raise ParameterError(f"{where}: arrays: expected FMI 3.0, since FMI 2.0 has no arrays, got fmi=2. Set fmi=3.")
+    expect_type(f"{where}: arrays", arrays, bool, name="True or False")
     expect_type(f"{where}: platforms", platforms, str, name="a name")
     if platforms not in get_args(Platforms):
         raise UnknownNameError.of(f"{where}: platforms", platforms, get_args(Platforms))
@@ -100,7 +109,9 @@ def build(
         If the compiler fails, or the file cannot be written.
     """
     sources = {name: text.encode() for name, text in model.items()}
-    sources["runtime.c"] = runtime_text(fmi, is_discrete=description.timestep is not None).encode()
+    sources["runtime.c"] = runtime_text(
+        fmi, is_discrete=description.timestep is not None, has_arrays=bool(description.blocks)
+    ).encode()
     token = _token(description.to_xml(fmi, ""), sources)
     sources["fmu.c"] = (
         f"/* The one file to compile, with FMI's headers on the include path: cc {' '.join(FLAGS)} -fPIC fmu.c -lm */\n"
@@ -140,11 +151,11 @@ def archive(content: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def runtime_text(fmi: FmiVersion, *, is_discrete: bool) -> str:
-    """The part of the runtime that a version and a kind of model need: its ``#if`` on these two are decided here."""
+def runtime_text(fmi: FmiVersion, *, is_discrete: bool, has_arrays: bool = False) -> str:
+    """The part of the runtime that a version and a kind of model need: its ``#if`` on these are decided here."""
     text = (files("ohmloom.fmu") / "runtime" / "runtime.c").read_text(encoding="utf-8")
     answers = {f"FMI_VERSION == {version}": version == fmi for version in get_args(FmiVersion)}
-    answers |= {"MODEL_IS_DISCRETE": is_discrete, "!MODEL_IS_DISCRETE": not is_discrete}
+    answers |= {"MODEL_IS_DISCRETE": is_discrete, "!MODEL_IS_DISCRETE": not is_discrete, "MODEL_HAS_ARRAYS": has_arrays}
     # For each open #if: whether its branch is kept, or None if it is the compiler's to decide.
     kept: list[str] = []
     stack: list[bool | None] = []

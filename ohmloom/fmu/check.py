@@ -12,6 +12,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from ohmloom.errors import OhmloomError, ParameterError, expect_number
 from ohmloom.fmu._archive import Archive, open_archive
 from ohmloom.fmu._probe import SHORT
@@ -66,7 +68,7 @@ class Check:
 def check(
     file: Path | str,
     *,
-    start_values: Mapping[str, float] | None = None,
+    start_values: Mapping[str, Any] | None = None,
     timeout: float = TIMEOUT,
     memory: int = MEMORY,
 ) -> Check:
@@ -79,7 +81,7 @@ def check(
     file
         The FMU, of version 2.0 or 3.0.
     start_values
-        Parameters and inputs by name, for the runs; all clients then agree on more than a model at rest.
+        Parameters and inputs by name, as `run` has them; all clients then agree on more than a model at rest.
     timeout, memory
         Limits of each process, in s and in bytes of address space.
 
@@ -91,7 +93,14 @@ def check(
         If a start value is no number.
     """
     archive = open_archive(file)
-    given = {name: expect_number(f"check: {name}", x) for name, x in (start_values or {}).items()}
+    given: dict[str, Any] = {}
+    for name, x in (start_values or {}).items():
+        is_many = not isinstance(x, str) and np.ndim(x) > 0
+        given[name] = (
+            [expect_number(f"check: {name}", each) for each in np.ravel(x).tolist()]
+            if is_many
+            else expect_number(f"check: {name}", x)
+        )
     if not expect_number("check: timeout", timeout) > 0.0:
         raise ParameterError(f"check: timeout: expected a time above 0 s, got {timeout:g}. Correct it.")
     limits = {"timeout": timeout, "memory": memory}
@@ -154,10 +163,13 @@ def _symbols(archive: Archive, interface: str, limits: dict[str, Any]) -> tuple[
     return "passed", f"all {len(names)}"
 
 
-def _runs(archive: Archive, given: dict[str, float], limits: dict[str, Any]) -> list[CheckRow]:
+def _runs(archive: Archive, given: dict[str, Any], limits: dict[str, Any]) -> list[CheckRow]:
     rows: list[CheckRow] = []
     answer = run_probe(archive, "description", {}, **limits)
     h = answer["step_size"] or (answer["stop_time"] or 1.0) / 500
+    # One number is that of all elements of an array.
+    sizes = {v["name"]: math.prod(v["shape"]) for v in answer["variables"] if v["shape"]}
+    given = {name: [x] * sizes[name] if name in sizes and isinstance(x, float) else x for name, x in given.items()}
     common = {"start_values": given, "step_size": h}
     ends: dict[str, dict[str, float]] = {}
 
@@ -199,6 +211,8 @@ def _runs(archive: Archive, given: dict[str, float], limits: dict[str, Any]) -> 
             reason = "not installed"
         elif interface not in archive.interfaces:
             reason = f"needs {interface}"
+        elif client == "pathsim" and any(v["shape"] for v in answer["variables"]):
+            reason = "knows no arrays"
         elif client == "libcosimpy" and archive.fmi == 3:
             reason = "knows FMI 2.0 alone"
         if reason:

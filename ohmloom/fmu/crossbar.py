@@ -14,7 +14,7 @@ from ohmloom.circuits.elements import Resistor, VoltageSource
 from ohmloom.devices.emit import identifier
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.fmu._compile import Platforms
-from ohmloom.fmu._netlist_code import analyse, netlist_description
+from ohmloom.fmu._netlist_code import analyse, netlist_description, with_arrays
 from ohmloom.fmu._netlist_model import law_text, netlist_model
 from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import FmiVersion
@@ -29,6 +29,7 @@ def export_crossbar(
     *,
     fmi: FmiVersion = 2,
     platforms: Platforms = "host",
+    arrays: bool = False,
 ) -> Export:
     """Write memristors with the wires between them as one FMU, for model exchange and co-simulation.
 
@@ -47,23 +48,33 @@ def export_crossbar(
         A crossbar, or a netlist of resistors, memristors and sources; one that `memristor_netlist` made is a crossbar.
     out, fmi, platforms
         As `export_device` has them.
+    arrays
+        Of a crossbar by FMI 3.0: the inputs as the arrays ``v_row[I]`` and ``v_column[J]``, the outputs
+        ``i_column[J]``, the charges ``q[I][J]`` and those at the start ``q0[I][J]``; with open crosspoints ``q[K]`` and
+        ``q0[K]``, row by row. Several tools do not read arrays.
 
     Raises
     ------
     ParameterError
-        If an option is none of these, an element of another kind, or a node floats.
+        If an option is none of these, `arrays` is asked of FMI 2.0 or of what is no crossbar, an element of another
+        kind, or a node floats.
     OperationError
         If the compiler fails, or the file cannot be written.
     """
     where = "export_crossbar"
     expect_type(f"{where}: circuit", circuit, MemristorCrossbar, Netlist)
-    path = check_options(where, out, fmi, platforms)
+    path = check_options(where, out, fmi, platforms, arrays=arrays)
     netlist = _written_out(circuit) if isinstance(circuit, MemristorCrossbar) else circuit
     check_topology(netlist.flat, is_dc=True)
     sources = [e for e in netlist.flat if isinstance(e, VoltageSource)]
     is_crossbar = netlist.name == "crossbar" and all(re.fullmatch(r"[VH]_\d+", source.name) for source in sources)
     found = analyse(where, netlist.flat, netlist.nodes, is_crossbar=is_crossbar)
     description, outputs = netlist_description(netlist.name, identifier(netlist.name), found)
+    if arrays:
+        if not is_crossbar:
+            raise ParameterError(f"{where}: arrays: expected a crossbar, whose lines make arrays, got the netlist "
+                                 f"{netlist.name}. Leave arrays out.")  # fmt: skip
+        description = with_arrays(description)
     model = {
         "law.c": law_text(found.cards),
         "model.c": netlist_model(found, description, outputs),

@@ -74,6 +74,24 @@ class Variable:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Block:
+    """Variables of one kind that stand next to each other, shown as one array of FMI 3.0.
+
+    Attributes
+    ----------
+    elements
+        Their names, in the order of the array, the last axis fastest.
+    shape
+        Sizes of the axes.
+    """
+
+    name: str
+    doc: str
+    elements: tuple[str, ...]
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Description:
     """A model's variables, in the order of the runtime's table, and what is said of the whole.
 
@@ -83,6 +101,8 @@ class Description:
         In s, of a discrete model, which is for co-simulation alone; None for a continuous one.
     has_derivatives
         Whether the model gives directional and adjoint derivatives.
+    blocks
+        Variables that are shown as arrays, of FMI 3.0 alone.
     """
 
     name: str
@@ -93,12 +113,18 @@ class Description:
     variables: tuple[Variable, ...]
     timestep: float | None = None
     has_derivatives: bool = True
+    blocks: tuple[Block, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the order."""
         places = [next(k for k, kinds in enumerate(KINDS) if v.kind in kinds) for v in self.variables]
         assert places == sorted(places)
         assert len({v.name for v in self.variables}) == len(self.variables)
+        names = [v.name for v in self.variables]
+        for block in self.blocks:
+            first, count = names.index(block.elements[0]), len(block.elements)
+            assert tuple(names[first : first + count]) == block.elements
+            assert math.prod(block.shape) == count
 
     def of(self, *kinds: Kind) -> tuple[Variable, ...]:
         """The variables of these kinds, in order."""
@@ -198,7 +224,7 @@ class _Writer:
         """Value of an attribute that lists variables; left out where it would list all."""
         if names is None:
             return None
-        return " ".join(str(number) for number in sorted(self.reference[name] for name in names))
+        return " ".join(str(number) for number in sorted({self.reference[name] for name in names}))
 
     def finish(self, root: str) -> str:
         return f'<?xml version="1.0" encoding="UTF-8"?>\n{root}\n'
@@ -257,7 +283,29 @@ class _Writer2(_Writer):
 
 
 class _Writer3(_Writer):
-    """FMI 3.0: variables are known by their value reference; indicators and the time are variables."""
+    """FMI 3.0: variables are known by their value reference; indicators and the time are variables.
+
+    An array has the reference of its first element.
+    """
+
+    def __init__(self, description: Description) -> None:
+        super().__init__(description)
+        by_name = {v.name: v for v in description.variables}
+        self.block_of = {name: block for block in description.blocks for name in block.elements}
+        self.members = {block.name: [by_name[name] for name in block.elements] for block in description.blocks}
+        for name, block in self.block_of.items():
+            self.reference[name] = self.reference[block.elements[0]]
+
+    def whole(self, *kinds: Kind) -> list[list[Variable]]:
+        """Variables of these kinds, those of an array together."""
+        found = []
+        for v in self.d.of(*kinds):
+            block = self.block_of.get(v.name)
+            if block is None:
+                found.append([v])
+            elif v.name == block.elements[0]:
+                found.append(self.members[block.name])
+        return found
 
     def text(self, token: str) -> str:
         d = self.d
@@ -271,10 +319,10 @@ class _Writer3(_Writer):
         time = _tag("Float64", name="time", valueReference=0, causality="independent", variability="continuous",
                     description="simulation time", unit="s")  # fmt: skip
         structure = [
-            *(self.unknown("Output", v, v.dependencies) for v in d.of("state", "output")),
-            *(self.unknown("ContinuousStateDerivative", v, v.dependencies) for v in d.of("rate")),
-            *(self.unknown("InitialUnknown", v, v.initial_dependencies) for v in d.of("state", "rate", "output")),
-            *(self.unknown("EventIndicator", v, v.dependencies) for v in d.of("indicator")),
+            *(self.unknown("Output", v) for v in self.whole("state", "output")),
+            *(self.unknown("ContinuousStateDerivative", v) for v in self.whole("rate")),
+            *(self.unknown("InitialUnknown", v) for v in self.whole("state", "rate", "output")),
+            *(self.unknown("EventIndicator", v) for v in self.whole("indicator")),
         ]
         root = _tag("fmiModelDescription", [
             *([] if d.timestep else [_tag("ModelExchange", **common)]),
@@ -283,7 +331,7 @@ class _Writer3(_Writer):
             self.units(),
             self.logs(),
             self.experiment(),
-            _tag("ModelVariables", [time, *map(self.variable, d.variables)]),
+            _tag("ModelVariables", [time, *map(self.variable, self.whole(*sum(KINDS, ())))]),
             _tag("ModelStructure", structure),
         ], fmiVersion="3.0", instantiationToken=token, **self.head())  # fmt: skip
         return self.finish(root)
@@ -291,16 +339,25 @@ class _Writer3(_Writer):
     def units(self) -> str:
         return self.unit_definitions(dict.fromkeys(("s", *self.unit_names())))
 
-    def variable(self, v: Variable) -> str:
+    def variable(self, group: list[Variable]) -> str:
+        v, block = group[0], self.block_of.get(group[0].name)
         causality, variability = self.causality(v)
         derivative = self.reference[v.state] if v.kind == "rate" else None
+        typed, sizes = self.typed(v), []
+        if block is not None:
+            sizes = [_tag("Dimension", start=n) for n in block.shape]
+            typed["start"] = " ".join(repr(float(x.start)) for x in group) if v.is_given else None
         return _tag(
-            TYPES3[v.type], name=v.name, valueReference=self.reference[v.name], description=v.doc, causality=causality,
-            variability=variability, initial=self.initial(v), **self.typed(v), derivative=derivative,
+            TYPES3[v.type], sizes, name=v.name if block is None else block.name, valueReference=self.reference[v.name],
+            description=v.doc if block is None else block.doc, causality=causality, variability=variability,
+            initial=self.initial(v), **typed, derivative=derivative,
         )  # fmt: skip
 
-    def unknown(self, name: str, v: Variable, dependencies: tuple[str, ...] | None) -> str:
-        return _tag(name, valueReference=self.reference[v.name], dependencies=self.numbers(dependencies))
+    def unknown(self, name: str, group: list[Variable]) -> str:
+        """An array depends on all that one of its elements depends on."""
+        needs = [v.initial_dependencies if name == "InitialUnknown" else v.dependencies for v in group]
+        listed = None if None in needs else {need for found in needs for need in found or ()}
+        return _tag(name, valueReference=self.reference[group[0].name], dependencies=self.numbers(listed))
 
 
 def build_description(identifier: str) -> str:

@@ -24,6 +24,7 @@ def export_controller(
     fmi: FmiVersion = 2,
     platforms: Platforms = "host",
     timestep: float = TIMESTEP,
+    arrays: bool = False,
 ) -> Export:
     """Write the discrete controller of `network` as an FMU for co-simulation; spike for spike the compiled one.
 
@@ -40,6 +41,8 @@ def export_controller(
         As `export_device` has them.
     timestep
         In s; a communication step is a whole number of these.
+    arrays
+        By FMI 3.0: the sensors as the array ``sensors[6]``, in the order above. Several tools do not read arrays.
 
     Raises
     ------
@@ -57,10 +60,11 @@ def export_controller(
     """
     where = "export_controller"
     expect_type(f"{where}: network", network, Network)
-    path = check_options(where, out, fmi, platforms)
+    path = check_options(where, out, fmi, platforms, arrays=arrays)
     if not 1e-6 <= expect_number(f"{where}: timestep", timestep, "a time in s") <= 1e6:
         raise ParameterError(f"{where}: timestep: expected 1e-06 to 1e+06 s, got {timestep:g}. Correct it.")
     description = code.controller_description(network, float(timestep))
+    description = code.with_arrays(description) if arrays else description
     model = {
         "model.c": code.model_code(code.CONTROLLER, description),
         "network.c": code.network_table(network),
@@ -76,6 +80,7 @@ def export_arena(
     fmi: FmiVersion = 2,
     platforms: Platforms = "host",
     trial_key: int = 0,
+    arrays: bool = False,
 ) -> Export:
     """Write an arena with its robot as an FMU for co-simulation: the path of `run_trial`, noise and slip included.
 
@@ -91,6 +96,8 @@ def export_arena(
         As `export_device` has them.
     trial_key
         The key at the start, 0 to 2^64 - 1.
+    arrays
+        As `export_controller` has it.
 
     Raises
     ------
@@ -101,9 +108,10 @@ def export_arena(
     """
     where = "export_arena"
     arena = as_arena(where, task)
-    path = check_options(where, out, fmi, platforms)
+    path = check_options(where, out, fmi, platforms, arrays=arrays)
     key = expect_integer(f"{where}: trial_key", trial_key, 0, 2**64 - 1)
     description = code.arena_description(arena, key)
+    description = code.with_arrays(description) if arrays else description
     model = {
         "model.c": code.model_code(code.ARENA, description),
         "world.c": code.world_table(arena),

@@ -22,7 +22,13 @@ PARAMETERS = ("c", "c_ini", "synapse_gain", "high_count")  # in the order of har
 
 
 def export_hardware_controller(
-    die: Die, out: Path | str, *, fmi: FmiVersion = 2, platforms: Platforms = "host", timestep: float = TIMESTEP
+    die: Die,
+    out: Path | str,
+    *,
+    fmi: FmiVersion = 2,
+    platforms: Platforms = "host",
+    timestep: float = TIMESTEP,
+    arrays: bool = False,
 ) -> Export:
     """Write a die as an FMU for co-simulation, spike for spike the emulated controller.
 
@@ -36,8 +42,8 @@ def export_hardware_controller(
         From `Plan.sample` or `Plan.nominal`, of hardware whose events are charges on selected cells.
     out, fmi, platforms
         As `export_device` has them.
-    timestep
-        As `export_controller` has it.
+    timestep, arrays
+        As `export_controller` has them.
 
     Raises
     ------
@@ -50,7 +56,7 @@ def export_hardware_controller(
     """
     where = "export_hardware_controller"
     expect_type(f"{where}: die", die, Die)
-    path = check_options(where, out, fmi, platforms)
+    path = check_options(where, out, fmi, platforms, arrays=arrays)
     parts = die_parts(where, die)
     network, hardware = die.plan.network, die.plan.hardware
     name = f"{network.name}_{hardware.name}"
@@ -60,6 +66,7 @@ def export_hardware_controller(
         name=name, identifier=identifier(name), doc=f"{plain.doc}, on {hardware.name}", stop_time=plain.stop_time,
         step_size=timestep, timestep=timestep, has_derivatives=False, variables=variables,
     )  # fmt: skip
+    description = code.with_arrays(description) if arrays else description
     template = code.CONTROLLER.replace("controller.c", "hardware.c").replace("network.c", "die.c")
     model = {**parts, "model.c": code.model_code(template, description)}
     which = "the nominal die" if die.seed is None else f"die {die.index} of seed {die.seed}"

@@ -103,7 +103,7 @@ class Host:
         self.time = time
 
     def set(self, values: Mapping[str, float]) -> None:
-        """Set inputs, and parameters that are tunable."""
+        """Set inputs, and parameters that are tunable; of an array all elements, or one number for each."""
         self._ask({"set": self._checked(values)})
 
     def get(self, names: Iterable[str]) -> Values:
@@ -142,7 +142,7 @@ class Host:
     def _values(self, request: Values) -> Values:
         values: Values = self._ask(request)["values"]
         for name, x in values.items():
-            if isinstance(x, float) and not math.isfinite(x):
+            if any(isinstance(each, float) and not math.isfinite(each) for each in (x if isinstance(x, list) else [x])):
                 raise OperationError(f"{self.path}: {name}: expected a finite value, got {x} at t = {self.time:g} s. "
                                      "Check the FMU and its inputs.")  # fmt: skip
         return values

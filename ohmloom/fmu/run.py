@@ -77,7 +77,7 @@ def run(
     file: Path | str,
     *,
     stop_time: float | None = None,
-    start_values: Mapping[str, float] | None = None,
+    start_values: Mapping[str, Any] | None = None,
     inputs: Mapping[str, Any] | None = None,
     interface: Interface | None = None,
     step_size: float | None = None,
@@ -99,13 +99,13 @@ def run(
         As FMPy's; None for what the FMU suggests. The step is that of co-simulation, which is also its interval of
         output.
     start_values
-        By name of parameter or input.
+        By name of parameter or input; of an array all its elements, or one number for each.
     inputs
         ``"time"`` and inputs by name, each with axes (time,); linear between the times, held where FMPy holds them.
     interface
         ``"CoSimulation"`` or ``"ModelExchange"`` (by CVode); default: the first that the FMU has.
     outputs
-        Names of variables to record; default: its outputs.
+        Names of variables to record; default: its outputs. Elements of an array are named ``q[0,1]``.
     timeout, memory
         Limits of the process, in s and in bytes of address space.
 
@@ -154,8 +154,10 @@ def run(
     return FmuTrace(name=archive.path.name, t=t, values=frozen)
 
 
-def check_value(where: str, variables: dict[str, Any], name: str, value: Any) -> float | int:
-    """A start value as a number, if the FMU has a variable of this name that takes it.
+def check_value(where: str, variables: dict[str, Any], name: str, value: Any) -> Any:
+    """A start value as a number, of an array as a list, if the FMU has a variable of this name that takes it.
+
+    One number is that of all elements of an array.
 
     Raises
     ------
@@ -165,6 +167,14 @@ def check_value(where: str, variables: dict[str, Any], name: str, value: Any) ->
     if name not in variables:
         raise UnknownNameError.of(f"{where}: start values", name, variables)
     variable = variables[name]
+    if variable.get("shape"):
+        scalar, size = {name: {**variable, "shape": []}}, math.prod(variable["shape"])
+        if isinstance(value, int | float):
+            return [check_value(where, scalar, name, value)] * size
+        elements = np.ravel(value).tolist()
+        if len(elements) != size:
+            raise ParameterError(f"{where}: {name}: expected {size} numbers, got {len(elements)}. Correct it.")
+        return [check_value(where, scalar, name, x) for x in elements]
     if variable["causality"] not in ("parameter", "input", "structuralParameter") and variable["initial"] != "exact":
         raise ParameterError(f"{where}: {name}: expected a parameter or an input, got one that is "
                              f"{variable['causality']}. Set another one.")  # fmt: skip

@@ -41,6 +41,13 @@ int main(void)
         free(state);
         if (differentiate(m[2], &rate, 1, &q, 1, &one, &slope, 0) || get_values(m[2], &q, 1, &out))
             return 5;
+#if defined(HAS_ARRAYS)
+        {
+            double all[N_X];
+            if (fmi3GetFloat64(m[2], &q, 1, all, N_X) || all[0] != out || !fmi3GetFloat64(m[2], &q, 1, all, N_X - 1))
+                return 8;
+        }
+#endif
         moves += out != last;
         last = out;
         for (k = 0; k < 3; k++)

@@ -45,6 +45,9 @@ def export(name, out, fmi):
         return export_system(champion("HET"), out, task=arena, trial_key=3, fmi=fmi)
     if name in ("ideal", "het_mixed"):
         return export_hardware_controller(place(champion("HET"), Hardware.load(name)).nominal(), out, fmi=fmi)
+    if name == "arrays":
+        array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 2), 0.4), r_row=1.0, r_column=1.0)
+        return export_crossbar(array, out, fmi=fmi, arrays=True)
     if name == "crossbar":
         array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 2), 0.4), r_row=1.0, r_column=1.0)
         return export_crossbar(array, out, fmi=fmi)
@@ -76,23 +79,11 @@ def sources(tmp_path, monkeypatch):
     return unpack
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize(
-    "name",
-    [
-        "hp_tio2",
-        "vteam_memtorch",
-        "peo_pani_redox",
-        "pickett",
-        "controller",
-        "arena",
-        "ideal",
-        "het_mixed",
-        "loop",
-        "crossbar",
-        "netlist",
-    ],
-)
+MODELS = ("hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", "ideal", "het_mixed", "loop",
+          "crossbar", "netlist")  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "fmi"), [*((name, fmi) for name in MODELS for fmi in (2, 3)), ("arrays", 3)])
 def test_no_warning(need_tool, sources, name, fmi):
     compiler = need_tool("the C of FMUs is not looked at here", os.environ.get("CC", ""), "gcc", "clang")
     flags = [*WARNINGS, "-O2", "-fvisibility=hidden", "-c", "-fPIC"]
@@ -101,10 +92,10 @@ def test_no_warning(need_tool, sources, name, fmi):
     assert done.returncode == 0, done.stderr
 
 
-def run_sanitized(compiler, folder, program):
+def run_sanitized(compiler, folder, program, more=()):
     """What a program prints that includes fmu.c, under the sanitizers."""
     shutil.copy(program, folder)
-    flags = [*WARNINGS, "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    flags = [*WARNINGS, *more, "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     words = [compiler, *flags, program.name, "-o", "cycles", "-lm"]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -114,10 +105,11 @@ def run_sanitized(compiler, folder, program):
     return done.stdout
 
 
-@pytest.mark.parametrize(("name", "fmi"), [("hp_tio2_paper", 2), ("hp_tio2_paper", 3), ("crossbar", 2), ("netlist", 3)])
+@pytest.mark.parametrize(("name", "fmi"), [("hp_tio2_paper", 2), ("hp_tio2_paper", 3), ("crossbar", 2), ("netlist", 3),
+                                         ("arrays", 3)])  # fmt: skip
 def test_two_thousand_lives_leave_nothing_behind(need_tool, sources, name, fmi):
     compiler = need_tool("FMUs are not run under sanitizers here", os.environ.get("CC", ""), "gcc", "clang")
-    run_sanitized(compiler, sources(name, fmi), CYCLES)
+    run_sanitized(compiler, sources(name, fmi), CYCLES, ["-DHAS_ARRAYS"] if name == "arrays" else [])
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

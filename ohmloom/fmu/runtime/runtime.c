@@ -1139,6 +1139,46 @@ fmi3Status fmi3Reset(fmi3Instance c)
     return fmi3OK;
 }
 
+#if MODEL_HAS_ARRAYS
+/* References of the elements of all these variables, in order; the first one's is that of its array. NULL where they are
+ * not as many as the values, or one is none; freed by the one who asked for it. */
+static unsigned int *elements_of(Instance *m, REFS, size_t n_values)
+{
+    unsigned int *all = malloc((n_values + 1) * sizeof *all);
+    size_t k, j, count = 0;
+    for (k = 0; all && k < n; k++) {
+        size_t size = 1;
+        for (j = 0; j < sizeof arrays / sizeof *arrays; j++)
+            if (r[k] >= arrays[j].first && r[k] - arrays[j].first < arrays[j].size)
+                size = r[k] == arrays[j].first ? arrays[j].size : 0;
+        if (!size || size > n_values - count)
+            break;
+        for (j = 0; j < size; j++)
+            all[count++] = r[k] + (unsigned int)j;
+    }
+    if (all && k == n && count == n_values)
+        return all;
+    tell(m, BAD, "logStatusError", "expected variables of %d values together, got others", (int)n_values);
+    free(all);
+    return NULL;
+}
+
+fmi3Status fmi3GetFloat64(fmi3Instance c, REFS, fmi3Float64 v[], size_t n_values)
+{
+    unsigned int *all = elements_of(M, r, n, n_values);
+    const int status = all ? get_values(M, all, n_values, v) : BAD;
+    free(all);
+    return STATUS(status);
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance c, REFS, const fmi3Float64 v[], size_t n_values)
+{
+    unsigned int *all = elements_of(M, r, n, n_values);
+    const int status = all ? set_values(M, all, n_values, v) : BAD;
+    free(all);
+    return STATUS(status);
+}
+#else
 fmi3Status fmi3GetFloat64(fmi3Instance c, REFS, fmi3Float64 v[], size_t n_values)
 {
     return STATUS(n == n_values ? get_values(M, r, n, v) : refuse(M, "GetFloat64: expected as many values as references"));
@@ -1148,6 +1188,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, REFS, const fmi3Float64 v[], size_t n_
 {
     return STATUS(n == n_values ? set_values(M, r, n, v) : refuse(M, "SetFloat64: expected as many values as references"));
 }
+#endif
 
 /* Variables of other types, and what else FMI 3.0 has that these FMUs do not offer. */
 #define NO_VARIABLES(Type)                                                                                     \
@@ -1257,6 +1298,37 @@ NOT_OFFERED(GetNumberOfContinuousStates, size_t *count)
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) { return STATUS(not_offered(M, "EnterContinuousTimeMode")); }
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) { return STATUS(not_offered(M, "EvaluateDiscreteStates")); }
 #else
+#if MODEL_HAS_ARRAYS
+static int differentiate_arrays(Instance *m, const unsigned int *unknowns, size_t n_unknowns, size_t unknown_values,
+                                const unsigned int *knowns, size_t n_knowns, size_t known_values, const double *seed,
+                                double *sensitivity, int is_adjoint)
+{
+    unsigned int *rows = elements_of(m, unknowns, n_unknowns, unknown_values);
+    unsigned int *columns = elements_of(m, knowns, n_knowns, known_values);
+    int status = BAD;
+    if (rows && columns)
+        status = differentiate(m, rows, unknown_values, columns, known_values, seed, sensitivity, is_adjoint);
+    free(rows);
+    free(columns);
+    return status;
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
+                                        const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+                                        size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
+{
+    return STATUS(differentiate_arrays(M, unknowns, n_unknowns, n_sensitivity, knowns, n_knowns, n_seed, seed,
+                                       sensitivity, 0));
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
+                                    const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+                                    size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
+{
+    return STATUS(differentiate_arrays(M, unknowns, n_unknowns, n_seed, knowns, n_knowns, n_sensitivity, seed,
+                                       sensitivity, 1));
+}
+#else
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
@@ -1274,6 +1346,7 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
         return STATUS(refuse(M, "GetAdjointDerivative: expected as many numbers as references"));
     return STATUS(differentiate(M, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, 1));
 }
+#endif
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) { return fmi3OK; }
 
