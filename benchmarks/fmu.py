@@ -1,6 +1,7 @@
 """FMUs: size, time of export, error against the closed form, steps per second in a C loop and through FMPy.
 
-`python benchmarks/fmu.py Dahlquist.fmu` times that Reference FMU (FMI 2.0, not shipped here) beside them.
+Their peer is a minimal Dahlquist model of our own, `dahlquist.c`: one Euler step of dx/dt = -k x in each doStep.
+`python benchmarks/fmu.py Dahlquist.fmu` times the Reference FMU of that name (FMI 2.0, not shipped here) instead.
 
 The model is the paper's HP device, normalised, at 0.8 V from q = 0: (1 - q)^2 = 1 - 1.6 t until q = 0.99.
 """
@@ -49,6 +50,27 @@ int main(void)
 }
 """
 
+DAHLQUIST_LOOP = """#include <stdio.h>
+#include <time.h>
+#include "fmi2Functions.h"
+int main(void)
+{
+    const fmi2ValueReference k_ref = 1, x_ref = 0;
+    const clock_t begin = clock();
+    double out = 0.0;
+    int k;
+    fmi2Component m = fmi2Instantiate("loop", fmi2CoSimulation, "", "", NULL, 0, 0);
+    for (k = 0; k < @steps@; k++) {
+        const double x = k % 200 < 100 ? 0.3 : -0.3;
+        if (fmi2SetReal(m, &k_ref, 1, &x) || fmi2DoStep(m, 1e-4 * k, 1e-4, 1) || fmi2GetReal(m, &x_ref, 1, &out))
+            return 1;
+    }
+    fmi2FreeInstance(m);
+    printf("%.17g\\n", @steps@ / ((double)(clock() - begin) / CLOCKS_PER_SEC));
+    return 0;
+}
+"""
+
 
 def main() -> None:
     """Print the table."""
@@ -69,6 +91,10 @@ def main() -> None:
             c, python = in_c(file, fmi, Path(folder) / f"c{fmi}"), through_fmpy(file)
             print(f"{fmi}.0 {size / 1000:5.1f}kB {export:6.2f}s {free:12.1e} {wall:18.1e} {arrival(file):12.7f}s "
                   f"{c / 1e6:6.2f}M/s {python / 1e3:6.0f}k/s")  # fmt: skip
+            if fmi == 2 and len(sys.argv) == 1:
+                own = dahlquist(Path(folder) / "dahlquist")
+                print(f"    of our own Dahlquist's, one Euler step: {own[0] / 1e6:.2f}M/s, {c / own[0]:.2f}x in C; "
+                      f"{own[1] / 1e3:.0f}k/s, {python / own[1]:.2f}x through FMPy")  # fmt: skip
         print(f"exact arrival {(1 - 0.01**2) / 1.6:.7f}s")
         crossbars(Path(folder))
         discrete(Path(folder))
@@ -105,6 +131,43 @@ def discrete(folder: Path) -> None:
     for name, (written, given, got) in files.items():
         spent = stepped([written.path], given, got, 2000, 0.032)
         print(f"{name:10} {written.size / 1000:5.1f}kB {1e6 * spent:8.1f}us")
+
+
+def dahlquist(folder: Path) -> tuple[float, float]:
+    """Steps per second of CPU time of the peer: of a loop in C, and of the same calls that FMPy makes."""
+    import ctypes
+
+    folder.mkdir()
+    for name in HEADERS[2]:
+        (folder / name).write_bytes((Path(fmpy.__file__).with_name("c-code") / name).read_bytes())
+    (folder / "dahlquist.c").write_text(Path(__file__).with_name("dahlquist.c").read_text())
+    (folder / "loop.c").write_text(DAHLQUIST_LOOP.replace("@steps@", str(20 * STEPS)))
+    flags = ["gcc", "-std=c99", "-O2", "-ffp-contract=off"]
+    # Apart, as an importer and an FMU are: inlined, the loop is nothing but a multiplication.
+    subprocess.run([*flags, "dahlquist.c", "loop.c", "-o", "loop"], cwd=folder, check=True)
+    subprocess.run([*flags, "-shared", "-fPIC", "dahlquist.c", "-o", "d.so"], cwd=folder, check=True)
+    c = float(subprocess.run(["./loop"], cwd=folder, check=True, capture_output=True, text=True).stdout)
+    library = ctypes.CDLL(str(folder / "d.so"))
+    make, put, get, step = (getattr(library, f"fmi2{name}") for name in ("Instantiate", "SetReal", "GetReal", "DoStep"))
+    real, reference = ctypes.c_double, ctypes.c_uint
+    make.restype = ctypes.c_void_p
+    put.argtypes = get.argtypes = [ctypes.c_void_p, ctypes.POINTER(reference), ctypes.c_size_t, ctypes.POINTER(real)]
+    step.argtypes = [ctypes.c_void_p, real, real, ctypes.c_int]
+    m = make(None, 1, None, None, None, 0, 0)
+
+    class Through(fmpy.fmi2.FMU2Slave):  # type: ignore[misc]
+        """FMPy's own methods on that library."""
+
+        def __init__(self) -> None:
+            self.component, self.fmi2SetReal, self.fmi2GetReal, self.fmi2DoStep = m, put, get, step
+
+    one = Through()
+    begin = time.process_time()
+    for k in range(STEPS):
+        one.setReal([1], [0.3 if k % 200 < 100 else -0.3])
+        one.doStep(currentCommunicationPoint=1e-4 * k, communicationStepSize=1e-4)
+        one.getReal([0])
+    return c, STEPS / (time.process_time() - begin)
 
 
 def stepped(paths: list[Path], given: str, got: list[str], count: int, h: float = 1e-4) -> float:

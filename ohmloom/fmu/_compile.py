@@ -19,7 +19,7 @@ from ohmloom.errors import OperationError
 Platforms = Literal["host", "all"]
 # No contraction to fused operations: every platform rounds alike.
 FLAGS = ("-std=c99", "-O2", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-shared",
-         "-fno-asynchronous-unwind-tables")  # fmt: skip
+         "-fno-asynchronous-unwind-tables", "-ffunction-sections")  # fmt: skip
 TIMEOUT = 600.0  # s; the first use of a target builds its C library
 
 
@@ -94,7 +94,7 @@ def compile_library(sources: dict[str, bytes], target: str = "") -> bytes | None
     if place.ending != ".dll":
         words += ["-fPIC"]
     if place.ending == ".so":
-        words += ["-Wl,--build-id=none", "-Wl,-z,noexecstack"]
+        words += ["-Wl,--build-id=none", "-Wl,-z,noexecstack", "-Wl,--gc-sections"]
         words += [] if is_zig else ["-Wl,-z,noseparate-code"]  # which makes it a third smaller
     words += ["-s", "fmu.c", "-o", f"fmu{place.ending}"]
     words += [] if place.ending == ".dll" else ["-lm"]

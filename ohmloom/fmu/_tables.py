@@ -27,9 +27,7 @@ def variable_table(description: Description) -> str:
         return text
     places = {v.name: k for k, v in enumerate(description.variables, 1)}
     blocks = [f"    {{{places[b.elements[0]]}, {len(b.elements)}}}, /* {b.name} */" for b in description.blocks]
-    comment = (
-        "/* Arrays: the place of the first element, its value reference, and how many there are. */"
-    )
+    comment = "/* Arrays: the place of the first element, its value reference, and how many there are. */"
     head = ["static const struct {", "    unsigned int first, size;", "} arrays[] = {"]
     return "\n".join([text, "", comment, *head, *blocks, "};"])
 

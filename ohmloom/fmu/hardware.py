@@ -1,4 +1,4 @@
-"""A die as a discrete FMU: the emulated controller, where events are charges and nothing is noisy."""
+"""A die as a discrete FMU: the emulated controller, where laws have closed forms and nothing is noisy."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ohmloom.devices.emit import identifier
 from ohmloom.errors import MappingError, expect_type
 from ohmloom.fmu import _discrete_code as code
 from ohmloom.fmu._compile import Platforms
+from ohmloom.fmu._flux_code import INVERSES, flux_code
 from ohmloom.fmu._netlist_model import law_text
 from ohmloom.fmu._tables import array, number
 from ohmloom.fmu.build import Export, build, check_options
@@ -39,7 +40,7 @@ def export_hardware_controller(
     Parameters
     ----------
     die
-        From `Plan.sample` or `Plan.nominal`, of hardware whose events are charges on selected cells.
+        From `Plan.sample` or `Plan.nominal`, of hardware whose laws have closed forms.
     out, fmi, platforms
         As `export_device` has them.
     timestep, arrays
@@ -96,27 +97,22 @@ def die_parts(where: str, die: Die) -> dict[str, str]:
     return {
         "die.c": _tables(where, die),
         "law.c": law_text((devices[tile.kind] for tile in die.plan.tiles), ["conductance"]),
-        "hardware.c": runtime_file("hardware.c"),
+        **{name: runtime_file(name) for name in ("hardware.c", "events.c", "lines.c")},
     }
 
 
 def _tables(where: str, die: Die) -> str:
     """The die as C constants: ``die.c``."""
-    from ohmloom.mapping._fabric import CHARGE_METERED, CURRENT, MAY_FIRE, ClosedPulses, Wires
+    from ohmloom.mapping._fabric import EXACT_WIDTH, MAY_FIRE, VOLTAGE, ClosedPulses, DrivenLines
     from ohmloom.mapping.fabric import build_fabric
 
     fabric, _, _ = build_fabric(die)
     cells, tiles, neurons, c = fabric.cells, fabric.tiles, fabric.neurons, fabric.constants[0]
-    wires, reads = fabric.wires, fabric.reads
+    reads, drive = fabric.reads, {VOLTAGE: "VOLTAGE", EXACT_WIDTH: "EXACT_WIDTH"}.get(c["mode"], "CHARGE")
     problems = [
         text
         for text, is_there in (
-            (
-                "wires between ideal lines",
-                isinstance(wires, Wires) and not (wires.r_row > 0.0 and wires.r_column > 0.0),
-            ),
             ("laws without a closed form", not isinstance(fabric.pulses, ClosedPulses)),
-            ("a drive by voltage", c["mode"] not in (CHARGE_METERED, CURRENT)),
             ("a metering delay", c["metering_delay"] != 0.0),
             ("cycle-to-cycle noise", c["cycle_to_cycle"] != 0.0),
             ("read noise", c["read_noise"] != 0.0),
@@ -128,9 +124,13 @@ def _tables(where: str, die: Die) -> str:
         if is_there
     ]
     if problems:
-        raise MappingError(f"{where}: die: expected hardware without noise whose events are charges, got "
+        raise MappingError(f"{where}: die: expected hardware without noise whose laws have closed forms, got "
                            f"{', '.join(problems)} in {die.plan.hardware.name}. Run it here, by "
                            "EmulatedController.")  # fmt: skip
+    # What the drives need to know besides.
+    moving = {"CHARGE": (), "VOLTAGE": (("charge", "charge_scale", "C"), ("event_flux", "event_flux", "Wb of a pulse"),
+                                        ("bottom", "bottom", "Wb at s = 0"), ("top", "top", "Wb at s = 1")),
+              "EXACT_WIDTH": (("charge", "charge_scale", "C"),)}  # fmt: skip
     live = cells["is_live"] & (tiles["family"][cells["tile"]] >= 0) if len(cells) else cells["is_live"]
     size = fabric.table.shape[0]
     dispatch = [
@@ -146,6 +146,13 @@ def _tables(where: str, die: Die) -> str:
     if not die.plan.tiles:
         dispatch += ["    default:", "        return s;"]
     dispatch += ["    }", "}"]
+    is_plastic, drives_lines = (tiles["family"] >= 0).tolist(), isinstance(fabric.lines, DrivenLines)
+    cards = [die.plan.hardware.devices[tile.kind] for tile in die.plan.tiles]
+    laws = {card.law for card, moves in zip(cards, is_plastic, strict=True) if moves}
+    needs_newton = drive == "VOLTAGE" and not laws <= set(INVERSES)
+    if drive != "CHARGE":
+        dispatch += ["", *flux_code(cards, is_plastic, has_flux=needs_newton or not drives_lines,
+                                    has_inverse=drive == "VOLTAGE")]  # fmt: skip
 
     def square(name: str, kind: str, values: Any) -> str:
         rows = ", ".join(
@@ -157,10 +164,18 @@ def _tables(where: str, die: Die) -> str:
         f"/* {identifier(die.plan.network.name)} on {identifier(die.plan.hardware.name)}. */",
         '#include "law.c"',
         f"enum {{ NEURONS = {len(neurons)}, CELLS = {max(len(cells), 1)}, READS = {max(len(reads), 1)}, "
-        f"SLOTS = {int(reads['tap'].max(initial=1)) + 1}, PHASES = {len(fabric.phase)} }};",
+        f"SLOTS = {int(reads['tap'].max(initial=1)) + 1}, PHASES = {len(fabric.phase)}, "
+        f"COUNTS_HALF_SELECTS = {int(c['counts_half_selects'])} }};",
+        "#define CHARGE 1",
+        "#define VOLTAGE 2",
+        "#define EXACT_WIDTH 3",
+        f"#define DRIVE {drive}",
+        f"#define DRIVES_LINES {int(drives_lines)}",
+        f"#define NEEDS_NEWTON {int(needs_newton)}",
         f"enum {{ LAST_SPIKE = {c['last_spike']}, CLAMP = {int(c['clamp'])}, CARRY_STATE = {int(c['carry'])} }};",
         *(f"#define {name} {number(c[field])}" for name, field in (
-            ("EVENT_LEVEL", "event_level"), ("PULSE_VOLTAGE", "pulse_voltage"), ("ASYMMETRY", "asymmetry"))),
+            ("EVENT_LEVEL", "event_level"), ("PULSE_VOLTAGE", "pulse_voltage"), ("ASYMMETRY", "asymmetry"),
+            ("HALF_SELECT", "half_select"))),
         array("int", "first_cell", fabric.starts.tolist(), "by receiver; the next one's is the end"),
         *(array("int", f"cell_{name}", cells[name].tolist()) for name in ("sender", "tile")),
         array("int", "first_read", fabric.read_starts.tolist(), "what columns read, likewise"),
@@ -169,12 +184,16 @@ def _tables(where: str, die: Die) -> str:
         *_wire_tables(fabric),
         array("int", "cell_is_live", live.astype(int).tolist(), "whether events move it"),
         *(array("double", f"cell_{name}", cells[field].tolist(), doc) for name, field, doc in (
-            ("start", "first_origin", "state"),
+            ("start", "first_s", "state"),
+            ("origin", "first_origin", "where its events are counted from: a state, or a flux in Wb"),
+            *((("belief", "first_belief", "what the driver takes for the state"),) if drive == "EXACT_WIDTH" else ()),
             ("fixed", "fixed_g", "S, where no event moves it"),
             ("factor", "factor", "charge of an event, 1 nominally"), ("threshold", "threshold", "V"),
             ("series", "series", "Ohm of the wires to it"))),
         *(array("double", f"tile_{name}", tiles[field].tolist(), doc) for name, field, doc in (
-            ("gain", "gain", ""), ("reference", "reference", "S that is subtracted"), ("on", "g_on", "S"))),
+            ("gain", "gain", ""), ("reference", "reference", "S that is subtracted"), ("on", "g_on", "S"),
+            *moving[drive])),
+        array("int", "tile_is_plastic", [int(x) for x in is_plastic]),
         *(array("double", f"tile_p_{t}", [float(x) for x in die.plan.hardware.devices[tile.kind].parameters.values()])
           for t, tile in enumerate(die.plan.tiles)),
         *(array("double", f"neuron_{name}", neurons[field].tolist()) for name, field in (
@@ -191,26 +210,29 @@ def _tables(where: str, die: Die) -> str:
 
 def _wire_tables(fabric: Any) -> list[str]:
     """Lines of all tiles, padded to the largest, where there are wires."""
-    from ohmloom.mapping._fabric import Wires
+    from ohmloom.mapping._fabric import DrivenLines, Wires
 
     w = fabric.wires
     if not isinstance(w, Wires):
         return ["#define HAS_WIRES 0"]
     tiles, rows, columns = w.still.shape
-    is_read = (w.column_neuron >= 0) | (np.arange(columns) == w.reference_column[:, None])
     still = ", ".join(
         "{" + ", ".join("{" + ", ".join(map(number, line)) + "}" for line in tile) + "}" for tile in w.still
     )
-    flags = ", ".join("{" + ", ".join(str(int(x)) for x in line) + "}" for line in is_read)
+
+    def lines(name: str, values: Any) -> str:
+        rows = ", ".join("{" + ", ".join(str(int(x)) for x in line) + "}" for line in values)
+        return f"static const int {name}[][{values.shape[1]}] = {{{rows}}}; /* -1 where a line has none */"
+
     return [
         "#define HAS_WIRES 1",
-        f"enum {{ TILES = {tiles}, ROWS = {rows}, COLUMNS = {columns}, NODES = {2 * rows * columns}, "
-        f"BAND = {2 * min(rows, columns)} }};",
-        "/* S: of a segment of a row and of a column, of a driver and of a sense with theirs. */",
-        *(f"#define {name} {number(g)}" for name, g in (("ROW_G", 1.0 / w.r_row), ("COLUMN_G", 1.0 / w.r_column),
-                                                       ("DRIVER_G", w.near[0]), ("SENSE_G", w.far[0]))),
+        f"enum {{ TILES = {tiles}, ROWS = {rows}, COLUMNS = {columns} }};",
+        "/* Ohm of a segment of a row and of a column; S of a driver and of a sense with theirs. */",
+        *(f"#define {name} {number(x)}" for name, x in (("ROW_SEGMENT", w.r_row), ("COLUMN_SEGMENT", w.r_column),
+                                                       ("ROW_NEAR", w.near[0]), ("COLUMN_FAR", w.far[0]))),
         f"static const double still[][{rows}][{columns}] = {{{still}}};",
-        f"static const int column_is_read[][{columns}] = {{{flags}}};",
+        lines("column_neuron", w.column_neuron),
+        *([lines("row_neuron", w.row_neuron)] if isinstance(fabric.lines, DrivenLines) else []),
         array("int", "reference_column", w.reference_column.tolist(), "-1 where a tile has none"),
         *(array("int", f"cell_{name}", fabric.cells[name].tolist()) for name in ("row", "column")),
         *(array("int", f"read_{name}", fabric.reads[name].tolist()) for name in ("row", "column")),

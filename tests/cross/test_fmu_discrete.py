@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
+from ohmloom.devices._kernels import LAW_INDEX, flux, state_at_flux
 from ohmloom.errors import MappingError, ParameterError, UnknownNameError
 from ohmloom.fmu import check, export_arena, export_controller, export_hardware_controller, export_system
 from ohmloom.fmu._discrete_code import key_parts
+from ohmloom.fmu._flux_code import FLUXES, INVERSES
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, Readings, SpikingController, champion
 from ohmloom.sim import Arena, run_trial
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:fmpy")
 KEY = 12345678901234567890  # both halves of it have their highest bit set or not: 0xAB54A98C_EB1F0AD2
 STEP = 0.032
 SENSORS = ("ir_0", "ir_2", "ir_5", "light_0", "light_2", "light_5")
+ACTIONS = ("forward", "left", "right")
 ACTION = ("action", "spikes_left", "spikes_right")
 POSE = ("x", "y", "heading", "st")
 # Every reading that has a branch of its own in controller.c, away from its default.
@@ -157,7 +160,6 @@ def test_a_die_is_the_emulated_one_spike_for_spike(files, master, spread_die):
     ends = []
     wired = place(champion("HET"), Hardware.load("het_mixed")).sample(seed=3)
     for name, die in (("nominal", nominal), ("spread", spread_die), ("wired", wired)):
-        # Spikes could differ where a membrane stands on its threshold to the rounding of a solve; here none does.
         arena = Arena.paper(task="dynamic").replace(max_timesteps=1200)
         trial = run_trial(EmulatedController(die), arena, trial_key=KEY)
         one = master(files(name, lambda out, d=die: export_hardware_controller(d, out)))
@@ -172,6 +174,78 @@ def test_a_die_is_the_emulated_one_spike_for_spike(files, master, spread_die):
     assert (ends[0] != ends[2]).any()
 
 
+def spec(folder, name, drive, effects=""):
+    """A shipped spec with another drive."""
+    text = (files_of("ohmloom.mapping") / "specs" / f"{name}.toml").read_text()
+    at = [text.index(section) for section in ("[drive]", "[read]", "[nonidealities]", "[endurance]")]
+    path = folder / f"{name}.toml"
+    path.write_text(
+        f"{text[: at[0]]}[drive]\n{drive}\n{text[at[1] : at[2]]}[nonidealities]\n{effects}\n{text[at[3] :]}"
+    )
+    return Hardware.load(path)
+
+
+def driven(mode, parallelism, waveform="half"):
+    value = '{ value = %s, source = "test" }'
+    duration = f"pulse_duration = {value % 2e-5}\n" if mode == "voltage" else ""
+    return (f'source = "test"\nmode = "{mode}"\nwaveform = "{waveform}"\nparallelism = "{parallelism}"\n{duration}'
+            f"pulse_voltage = {value % 1.0}\nthreshold = {value % 0.75}\n")  # fmt: skip
+
+
+SELECTED = 'asymmetry = { value = 0.1, source = "test" }\nevent_charge = { value = 0.05, source = "test" }\n'
+HALF = 'half_select = { value = 0.01, source = "test" }\n'
+
+
+@pytest.mark.parametrize(("system", "name", "drive", "effects"), [
+    ("HP", "hp_1t1r", driven("voltage", "cell"), SELECTED),  # behind the wires' resistance
+    ("HET", "ideal", driven("voltage", "cell"), SELECTED),
+    ("PEO", "ideal", driven("voltage", "array"), HALF),
+    ("HP", "ideal", driven("exact_width", "cell"), ""),
+    ("HP", "hp_1t1r", driven("exact_width", "column"), SELECTED),
+    ("HP", "hp_passive", "", ""),  # all lines at once, through their wires
+    ("HP", "hp_strukov", "", ""),
+], ids=["wires", "cells", "half", "exact", "exact_wires", "lines", "two_part"])  # fmt: skip
+def test_a_die_that_voltages_drive_is_the_emulated_one(tmp_path, master, system, name, drive, effects):
+    hardware = spec(tmp_path, name, drive, effects) if drive else Hardware.load(name)
+    die = place(champion(system), hardware).sample(seed=3)
+    emulated = EmulatedController(die)
+    one = master(export_hardware_controller(die, tmp_path / "die.fmu").path)
+    before, rng = emulated.weights.copy(), np.random.default_rng(1)
+    wanted, got = [], []
+    for k in range(400):
+        # Sensors that rise and fall, so that inputs spike at many rates.
+        sensors = np.clip(rng.uniform(-0.3, 0.8, 6) + 0.3 * np.sin(k / 20.0), 0.0, 1.0)
+        action = emulated.step(sensors)
+        wanted.append([ACTIONS.index(action), *map(int, emulated.output_spikes)])
+        one.set(**dict(zip(SENSORS, sensors.tolist(), strict=True)))
+        one.step(k)
+        got.append(one.get(*ACTION))
+    np.testing.assert_array_equal(got, wanted)
+    # Devices have moved, and outputs did many things.
+    assert np.abs(emulated.weights - before).max() > 0.01
+    assert len(np.unique(wanted, axis=0)) > 2
+
+
+@pytest.mark.parametrize("law", ["hp_linear", "linear", "peo_pani_mirror"])
+def test_fluxes_in_c_are_those_of_the_kernels(need_tool, tmp_path, law):
+    """Bit for bit: the same operations in the same order, and the same C library."""
+    compiler = need_tool("fluxes in C are not compared here", "gcc", "clang")
+    p = {"hp_linear": [100.0, 16000.0, 100.0], "linear": [1e4, 1e6, 1e-6], "peo_pani_mirror": [1e4, 1e6, 1e-6]}[law]
+    states = np.linspace(0.0, 1.0, 101).tolist()
+    fluxes = [float(flux(LAW_INDEX[law], s, np.array(p))) for s in states]
+    inverse = INVERSES.get(law, "")
+    lines = [f'    printf("%a\\n", {law}_flux({s!r}, p));' for s in states]
+    lines += [f'    printf("%a\\n", {law}_state_at_flux({phi!r}, p));' for phi in fluxes if inverse]
+    text = ["#include <math.h>", "#include <stdio.h>", FLUXES[law], inverse, "int main(void)", "{",
+            f"    const double p[] = {{{', '.join(map(repr, p))}}};", *lines, "    return 0;", "}"]  # fmt: skip
+    (tmp_path / "flux.c").write_text("\n".join(text))
+    words = [compiler, "-std=c99", "-O2", "-ffp-contract=off", "flux.c", "-o", "flux", "-lm"]
+    subprocess.run(words, cwd=tmp_path, check=True)
+    printed = subprocess.run(["./flux"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout.split()
+    wanted = fluxes + [float(state_at_flux(LAW_INDEX[law], phi, np.array(p))) for phi in fluxes if inverse]
+    assert [float.fromhex(x) for x in printed] == wanted
+
+
 def test_a_die_in_its_arena_is_a_trial(files, master, spread_die):
     trial = run_trial(EmulatedController(spread_die), Arena.paper(), trial_key=KEY)
     one = master(files("dieloop", lambda out: export_system(spread_die, out, task="static", trial_key=KEY)))
@@ -183,9 +257,9 @@ def test_a_die_in_its_arena_is_a_trial(files, master, spread_die):
 
 
 def test_a_die_that_needs_more_is_refused(tmp_path):
-    die = place(champion("HP"), Hardware.load("hp_passive")).sample(seed=1)
+    die = place(champion("PEO"), Hardware.load("peo_pani_redox")).sample(seed=1)
     with pytest.raises(
-        MappingError, match=r"^export_hardware_controller: die: .* got a drive by voltage in hp_passive"
+        MappingError, match=r"^export_hardware_controller: die: .* got laws without a closed form in peo_pani_redox"
     ):
         export_hardware_controller(die, tmp_path / "x.fmu")
 

@@ -29,6 +29,7 @@ from ohmloom.sim import Arena
 
 CYCLES = Path(__file__).with_name("fmu_cycles.c")
 DISCRETE_CYCLES = Path(__file__).with_name("fmu_discrete_cycles.c")
+DIES = {"ideal": "HET", "het_mixed": "HET", "hp_passive": "HP"}
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Werror"]
 
 
@@ -43,8 +44,12 @@ def export(name, out, fmi):
     if name == "loop":
         arena = Arena.paper(task="static")
         return export_system(champion("HET"), out, task=arena, trial_key=3, fmi=fmi)
-    if name in ("ideal", "het_mixed"):
-        return export_hardware_controller(place(champion("HET"), Hardware.load(name)).nominal(), out, fmi=fmi)
+    if name in DIES:
+        return export_hardware_controller(place(champion(DIES[name]), Hardware.load(name)).nominal(), out, fmi=fmi)
+    if name == "dieloop":
+        # All of the C of dies that drives through wires.
+        die = place(champion("HP"), Hardware.load("hp_passive")).nominal()
+        return export_system(die, out, task="static", trial_key=3, fmi=fmi)
     if name == "arrays":
         array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 2), 0.4), r_row=1.0, r_column=1.0)
         return export_crossbar(array, out, fmi=fmi, arrays=True)
@@ -79,7 +84,7 @@ def sources(tmp_path, monkeypatch):
     return unpack
 
 
-MODELS = ("hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", "ideal", "het_mixed", "loop",
+MODELS = ("hp_tio2", "vteam_memtorch", "peo_pani_redox", "pickett", "controller", "arena", *DIES, "loop",
           "crossbar", "netlist")  # fmt: skip
 
 
@@ -119,6 +124,12 @@ def test_two_thousand_loops_leave_nothing_behind_and_weights_are_those_of_the_ta
     assert len(lines) == sum(lattice.top // lattice.event + 1 for lattice in LATTICES.values())
     for kind, charge, weight in map(str.split, lines):
         assert float(weight) == LATTICES[KINDS[int(kind)]].weight(int(charge))
+
+
+def test_a_die_that_drives_its_lines_leaves_nothing_behind(need_tool, sources):
+    """Fewer lives: each solves for the potentials of the array thousands of times."""
+    compiler = need_tool("FMUs are not run under sanitizers here", os.environ.get("CC", ""), "gcc", "clang")
+    run_sanitized(compiler, sources("dieloop", 2), DISCRETE_CYCLES, ["-DIS_DIE", "-DLIVES=5"])
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

@@ -1,0 +1,154 @@
+/*
+ * How devices move. A state is an origin and a count of events since, which a wall takes over: an event is a thousandth
+ * of the device's charge (the origin is a state), or, where the drive is by voltage, the flux of one pulse (the origin is
+ * a flux). law.c has the laws, die.c the cells; flux() is the integral of 1/G over the charge.
+ */
+
+#if DRIVE != CHARGE
+static double clamped(double s) { return s < 0.0 ? 0.0 : s > 1.0 ? 1.0 : s; }
+#endif
+
+#if NEEDS_NEWTON
+/* Newton's rule within a bracket, from s = 0, so that the answer depends on the flux alone. */
+static double invert_flux(int t, double phi)
+{
+    double low = 0.0, high = 1.0, s = 0.0;
+    int round;
+    if (phi <= 0.0)
+        return 0.0;
+    if (phi >= flux(t, 1.0))
+        return 1.0;
+    for (round = 0; round < 200; round++) {
+        const double excess = flux(t, s) - phi, after = s - excess / (tile_charge[t] / conductance(t, s));
+        if (excess > 0.0)
+            high = s;
+        else
+            low = s;
+        if (fabs(after - s) <= 1e-9 * after)
+            return after;
+        s = low < after && after < high ? after : 0.5 * (low + high);
+    }
+    return s;
+}
+#endif
+
+#if DRIVE != CHARGE && !DRIVES_LINES
+/* The state after a flux over a device and a resistance in series: phi(s') - phi(s) + R q_d (s' - s) is that flux. */
+static double state_behind(int t, double s, double series, double phi)
+{
+    const double q_d = tile_charge[t], start = flux(t, s);
+    double low = phi > 0.0 ? s : 0.0, high = phi > 0.0 ? 1.0 : s, x = s;
+    const double end = phi > 0.0 ? high : low;
+    int round;
+    if (fabs(flux(t, end) - start + series * q_d * (end - s)) <= fabs(phi))
+        return end;
+    for (round = 0; round < 60; round++) {
+        const double miss = flux(t, x) - start + series * q_d * (x - s) - phi;
+        double after = x - miss / (q_d / conductance(t, x) + series * q_d);
+        if (miss > 0.0)
+            high = x;
+        else
+            low = x;
+        if (!(low < after && after < high))
+            after = 0.5 * (low + high);
+        if (fabs(after - x) <= 1e-16)
+            return after;
+        x = after;
+    }
+    return x;
+}
+#endif
+
+/* What a number of events makes of an origin and a count; the state. */
+static double event_state(int t, double *origin, double *count)
+{
+#if DRIVE == VOLTAGE
+    const double x = *origin + *count * tile_event_flux[t], bottom = tile_bottom[t], top = tile_top[t];
+#else
+    const double x = *origin + *count / 1000.0, bottom = 0.0, top = 1.0;
+    (void)t;
+#endif
+    if (x <= bottom || x >= top) {
+        *origin = x <= bottom ? bottom : top;
+        *count = 0.0;
+        return x <= bottom ? 0.0 : 1.0;
+    }
+#if DRIVE == VOLTAGE
+    return clamped(state_at_flux(t, x));
+#else
+    return x;
+#endif
+}
+
+static void read_cell(Controller *m, int k)
+{
+    const int t = cell_tile[k];
+    m->g[k] = cell_is_live[k] ? conductance(t, m->s[k]) : cell_fixed[k];
+#if !HAS_WIRES
+    m->weight[k] = read_polarity[k] * weight_of(t, m->g[k], tile_reference[t]);
+#endif
+}
+
+static void count_events(Controller *m, int k, double events)
+{
+    m->count[k] += events;
+    m->s[k] = event_state(cell_tile[k], &m->origin[k], &m->count[k]);
+}
+
+static double event_size(int k, double sign) { return cell_factor[k] * (1.0 + sign * ASYMMETRY); }
+
+#if DRIVE != CHARGE && !DRIVES_LINES
+/* A state that no count of events reaches. */
+static void place_at(Controller *m, int k, double s)
+{
+    m->s[k] = clamped(s);
+    m->count[k] = 0.0;
+    m->origin[k] = DRIVE == VOLTAGE ? flux(cell_tile[k], m->s[k]) : m->s[k];
+}
+#endif
+
+#if !DRIVES_LINES
+/* One pulse on a selected cell: `size` events in the direction of `sign`, `strength` the voltage in pulses. */
+static void write_pulse(Controller *m, int k, double sign, double strength, double size)
+{
+#if DRIVE == CHARGE
+    (void)strength;
+    count_events(m, k, sign * size);
+#elif DRIVE == VOLTAGE
+    const int t = cell_tile[k];
+    const double applied = size * strength * tile_event_flux[t];
+    if (cell_series[k] == 0.0)
+        count_events(m, k, sign * size * strength);
+    else
+        place_at(m, k, state_behind(t, m->s[k], cell_series[k], sign * applied));
+#else
+    /* The driver applies the flux from the state that it believes in to the next; the cell takes that flux. */
+    const int t = cell_tile[k];
+    const int knows = m->belief_origin[k] == m->origin[k] && m->belief_count[k] == m->count[k] && size == 1.0;
+    const double series = cell_series[k], taken = event_state(t, &m->belief_origin[k], &m->belief_count[k]);
+    double wanted, applied;
+    (void)strength;
+    m->belief_count[k] += sign;
+    wanted = event_state(t, &m->belief_origin[k], &m->belief_count[k]);
+    applied = fabs(flux(t, wanted) - flux(t, taken)) + series * tile_charge[t] * fabs(wanted - taken);
+    if (knows) {
+        m->s[k] = wanted;
+        m->origin[k] = m->belief_origin[k];
+        m->count[k] = m->belief_count[k];
+    } else {
+        place_at(m, k, state_behind(t, m->s[k], series, sign * size * applied));
+    }
+#endif
+    read_cell(m, k);
+}
+
+#endif
+
+/* What a pulse below the threshold does. */
+static void half_select(Controller *m, int k, double sign)
+{
+    if (HALF_SELECT > 0.0 && cell_is_live[k]) {
+        count_events(m, k, sign * HALF_SELECT);
+        read_cell(m, k);
+    }
+}
