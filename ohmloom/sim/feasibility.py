@@ -6,24 +6,24 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import Any, Literal
 
 from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
-from ohmloom.errors import FileFormatError, expect_integer
-from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, place
-from ohmloom.neurocontroller import Network, SpikingController
+from ohmloom.errors import FileFormatError, UnknownNameError, expect_integer
+from ohmloom.mapping import Hardware, Plan, place
+from ohmloom.neurocontroller import Network
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.exact_case import Case
 from ohmloom.sim.exactness import exact_box
-from ohmloom.sim.statistics import Success, paired_success
-from ohmloom.sim.trial import Trial, run_trial
+from ohmloom.sim.sampling import DieOutcome, Sampled, sample_dies
+from ohmloom.sim.sampling import start_key as start_key
+from ohmloom.sim.statistics import Success
+from ohmloom.sim.trial import Trial
 
-START_STREAM = 100  # beside the streams of ohmloom.mapping.die.EFFECTS
+STUDIES = ("default", "full")
 # Each of these has the margin of another figure: the power, and the endurance.
 OTHER_FORMS = ("energy_per_timestep", "pulses_per_device")
 NOT_MODELLED = (
@@ -35,20 +35,6 @@ NOT_MODELLED = (
     "disabled devices with spreads of their own",
     "routing, clock and control logic",
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class DieOutcome:
-    """One sampled die: its start's key, whether the ideal controller and the hardware reached the goal, and counts."""
-
-    die: int
-    trial_key: int
-    ideal: bool
-    hardware: bool
-    lost: int
-    spurious: int
-    most_pulses: int
-    worst_programming_time: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +58,19 @@ class Feasibility:
     not_modelled
         What this study leaves out.
     dies
-        Outcome of every sampled die.
+        Outcome of every start of every sampled die.
+    yield_
+        Share of dies of which every synapse stands on a working device, by rate of faults, repair and spare lines: each
+        with ``fault_rate``, ``repair`` (``none`` or ``permuted``), ``spare_rows``, ``spare_columns``, ``value``, Wilson
+        ``interval``, ``n``. Empty without dies.
+    corners
+        Each with ``name``, ``description``, ``success``, ``figures``, ``verdict``; like all that follow, of a full study.
+    sensitivity
+        Morris screening, and Sobol indices of the leaders; see `ohmloom.sim.sensitivity`.
+    requirements
+        For figures that fail or are marginal: ``figure``, ``parameter``, ``unit``, ``now``, ``needed``, ``sentence``.
+    lifetime
+        Retention and wear after so many trials.
     ledger
         What the nominal die spent, by the names of `Ledger`.
     plan, agreement, hardware_trial
@@ -92,6 +90,11 @@ class Feasibility:
     dies: tuple[DieOutcome, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     ledger: Mapping[str, Any] | None = None
+    yield_: tuple[Mapping[str, Any], ...] = ()
+    corners: tuple[Mapping[str, Any], ...] = ()
+    sensitivity: Mapping[str, Any] | None = None
+    requirements: tuple[Mapping[str, Any], ...] = ()
+    lifetime: tuple[Mapping[str, Any], ...] | None = None
     plan: Plan | None = None
     agreement: Agreement | None = None
     hardware_trial: Trial | None = None
@@ -103,7 +106,11 @@ class Feasibility:
             "figures": [asdict(figure) for figure in self.figures],
             "success": None if self.success is None else asdict(self.success), "exactness": dict(self.exactness),
             "not_applicable": dict(self.not_applicable), "not_modelled": list(self.not_modelled),
-            "dies": [asdict(die) for die in self.dies], "ledger": self.ledger, "provenance": dict(self.provenance),
+            "dies": [asdict(die) for die in self.dies], "ledger": self.ledger,
+            "yield_": list(self.yield_), "corners": list(self.corners), "sensitivity": self.sensitivity,
+            "requirements": list(self.requirements),
+            "lifetime": None if self.lifetime is None else list(self.lifetime),
+            "provenance": dict(self.provenance),
         }  # fmt: skip
 
     def save(self, path: Path | str) -> None:
@@ -123,7 +130,9 @@ class Feasibility:
                 figures=tuple(f.Figure(**figure) for figure in table["figures"]), success=success,
                 exactness=table["exactness"], not_applicable=table["not_applicable"],
                 not_modelled=tuple(table["not_modelled"]), dies=tuple(DieOutcome(**die) for die in table["dies"]),
-                ledger=table["ledger"], provenance=table["provenance"],
+                ledger=table["ledger"], provenance=table["provenance"], yield_=tuple(table["yield_"]),
+                corners=tuple(table["corners"]), sensitivity=table["sensitivity"],
+                requirements=tuple(table["requirements"]), lifetime=_tuple(table["lifetime"]),
             )  # fmt: skip
         except (KeyError, TypeError) as error:
             raise FileFormatError(f"{path}: expected a study saved by ohmloom, got {error}. Evaluate again.") from error
@@ -145,6 +154,9 @@ def feasibility(
     *,
     dies: int = 200,
     seed: int = 0,
+    starts: int = 1,
+    study: Literal["default", "full"] = "default",
+    workers: int = 1,
     arena: Arena | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Feasibility:
@@ -155,10 +167,16 @@ def feasibility(
     network, hardware
         What to build, and of what.
     dies
-        Sampled pieces of hardware; each is tried once, from a start of its own, beside the ideal controller. 0
-        gives the figures without sampling.
+        Sampled pieces of hardware, each tried from starts of its own beside the ideal controller. 0 gives the
+        figures without sampling.
     seed
         Every start and every die follows from it.
+    starts
+        Starts of each die. With several, dies are what was sampled, and intervals come from a bootstrap over them.
+    study
+        ``full`` adds corners, sensitivity, requirements and lifetime.
+    workers
+        Processes that share the dies; they do not change the result.
     arena
         The paper's arena of the network's task by default.
     progress
@@ -169,27 +187,33 @@ def feasibility(
     MappingError
         If the network cannot be placed.
     ParameterError
-        If `dies` or `seed` is negative.
+        If `dies` or `seed` is negative, `starts` or `workers` is not positive.
+    UnknownNameError
+        If `study` is neither.
     """
     expect_integer("feasibility.dies", dies)
     expect_integer("feasibility.seed", seed)
+    expect_integer("feasibility.starts", starts, 1)
+    expect_integer("feasibility.workers", workers, 1)
+    if study not in STUDIES:
+        raise UnknownNameError.of("feasibility.study", study, list(STUDIES))
     if arena is None:
         arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
     plan = place(network, hardware)
     check = agreement(network, hardware, arena=arena, die=plan.nominal(), trial_key=start_key(seed, 0))
     # By closed forms: `check` follows the differential equations too.
     exactness, not_applicable = exact_box(Case(plan=plan, trial_key=start_key(seed, 0), arena=arena))
-    sampled = _sample(plan, arena, dies, seed, progress)
+    sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, workers=workers, progress=progress)
     found = _figures(plan, check, sampled)
     verdict, reasons = _verdict(found, exactness)
     return Feasibility(
         verdict=verdict, reasons=reasons, figures=found, success=sampled.success, exactness=exactness,
-        not_applicable=not_applicable, dies=sampled.dies, ledger=asdict(check.ledger), plan=plan, agreement=check,
+        not_applicable=not_applicable, dies=sampled.outcomes, ledger=asdict(check.ledger), plan=plan, agreement=check,
         hardware_trial=sampled.first_trial,
         provenance={
             "ohmloom": __version__, "network": network.name, "network_sha256": network.sha256,
-            "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies,
-            "task": arena.task,
+            "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies, "starts": starts,
+            "study": study, "task": arena.task,
         },
     )  # fmt: skip
 
@@ -198,51 +222,7 @@ def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Sampled:
-    success: Success | None
-    dies: tuple[DieOutcome, ...]
-    ledgers: tuple[Ledger, ...]
-    first_trial: Trial | None
-
-
-def start_key(seed: int, die: int) -> int:
-    """Key of the start on which a die is tried."""
-    stream = np.random.SeedSequence(seed, spawn_key=(START_STREAM, die))
-    return int(stream.generate_state(1, np.uint64)[0])
-
-
-def _sample(plan: Plan, arena: Arena, dies: int, seed: int, progress: Callable[[int, int], None] | None) -> _Sampled:
-    outcomes, ledgers = [], []
-    first_trial = None
-    controller = SpikingController(plan.network)
-    for die in range(dies):
-        key = start_key(seed, die)
-        ideal = run_trial(controller, arena, trial_key=key).solved
-        emulated = EmulatedController(plan.sample(seed=seed, die=die))
-        trial = run_trial(emulated, arena, trial_key=key)
-        ledger = emulated.ledger
-        ledgers.append(ledger)
-        outcomes.append(
-            DieOutcome(
-                die=die,
-                trial_key=key,
-                ideal=ideal,
-                hardware=trial.solved,
-                lost=ledger.lost,
-                spurious=ledger.spurious,
-                most_pulses=ledger.most_pulses,
-                worst_programming_time=ledger.worst_programming_time,
-            )
-        )
-        first_trial = trial if first_trial is None else first_trial
-        if progress is not None:
-            progress(die + 1, dies)
-    success = paired_success([one.ideal for one in outcomes], [one.hardware for one in outcomes]) if dies else None
-    return _Sampled(success=success, dies=tuple(outcomes), ledgers=tuple(ledgers), first_trial=first_trial)
-
-
-def _figures(plan: Plan, check: Agreement, sampled: _Sampled) -> tuple[f.Figure, ...]:
+def _figures(plan: Plan, check: Agreement, sampled: Sampled) -> tuple[f.Figure, ...]:
     hardware = plan.hardware
     ledgers = {"the nominal die": check.ledger, **{f"die {k}": one for k, one in enumerate(sampled.ledgers)}}
     counted = sampled.ledgers or (check.ledger,)

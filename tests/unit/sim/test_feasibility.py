@@ -8,7 +8,7 @@ from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController, champion
 from ohmloom.sim import Agreement, Arena, Feasibility, agreement, feasibility, run_trial
 from ohmloom.sim.exactness import EXACT
-from ohmloom.sim.feasibility import start_key
+from ohmloom.sim.sampling import start_key
 
 NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))
 SHORT = Arena(max_timesteps=60)
