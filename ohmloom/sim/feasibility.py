@@ -14,6 +14,9 @@ from ohmloom.errors import FileFormatError, UnknownNameError, expect_integer
 from ohmloom.mapping import Hardware, Plan, place
 from ohmloom.neurocontroller import Network
 from ohmloom.sim import figures as f
+from ohmloom.sim import figures_array as array
+from ohmloom.sim import figures_behaviour as behaviour
+from ohmloom.sim import figures_cost as cost
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.exact_case import Case
@@ -26,6 +29,10 @@ from ohmloom.sim.trial import Trial
 STUDIES = ("default", "full")
 # Each of these has the margin of another figure: the power, and the endurance.
 OTHER_FORMS = ("energy_per_timestep", "pulses_per_device")
+NEVER_BINDING = ("sensitivity",)
+# Causes come before symptoms: what is wrong on the nominal die, then what spreads do to thresholds, disturbs and yield,
+# then what follows from all of it. Weights diverge because events are lost, and trials fail because weights diverge.
+DEPTH = {"threshold_margin": 1, "disturb": 1, "yield": 1, "weight_divergence": 2, "closed_loop_success": 2}
 NOT_MODELLED = (
     "sneak paths while lines float: idle lines are held at 0 V",
     "cells on a shared line that are programmed at the same instant, beyond their own wires",
@@ -64,7 +71,8 @@ class Feasibility:
         with ``fault_rate``, ``repair`` (``none`` or ``permuted``), ``spare_rows``, ``spare_columns``, ``value``, Wilson
         ``interval``, ``n``. Empty without dies.
     corners
-        Each with ``name``, ``description``, ``success``, ``figures``, ``verdict``; like all that follow, of a full study.
+        Each with ``name``, ``description``, ``success``, ``figures``, ``verdict``;
+        of a full study, like all that follows.
     sensitivity
         Morris screening, and Sobol indices of the leaders; see `ohmloom.sim.sensitivity`.
     requirements
@@ -204,8 +212,8 @@ def feasibility(
     # By closed forms: `check` follows the differential equations too.
     exactness, not_applicable = exact_box(Case(plan=plan, trial_key=start_key(seed, 0), arena=arena))
     sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, workers=workers, progress=progress)
-    found = _figures(plan, check, sampled)
-    verdict, reasons = _verdict(found, exactness)
+    found = study_figures(plan, check, sampled, seed=seed)
+    verdict, reasons = study_verdict(found, exactness)
     return Feasibility(
         verdict=verdict, reasons=reasons, figures=found, success=sampled.success, exactness=exactness,
         not_applicable=not_applicable, dies=sampled.outcomes, ledger=asdict(check.ledger), plan=plan, agreement=check,
@@ -222,36 +230,50 @@ def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _figures(plan: Plan, check: Agreement, sampled: Sampled) -> tuple[f.Figure, ...]:
+def study_figures(
+    plan: Plan, check: Agreement, sampled: Sampled, *, seed: int, screened: Mapping[str, Any] | None = None
+) -> tuple[f.Figure, ...]:
+    """All figures of a study, in the order in which they are shown."""
     hardware = plan.hardware
-    ledgers = {"the nominal die": check.ledger, **{f"die {k}": one for k, one in enumerate(sampled.ledgers)}}
+    names = [f"die {one.die}" + (f", start {one.start}" if one.start else "") for one in sampled.outcomes]
+    ledgers = {"the nominal die": check.ledger, **dict(zip(names, sampled.ledgers, strict=True))}
     counted = sampled.ledgers or (check.ledger,)
     found = (
-        f.event_fidelity(
+        behaviour.event_fidelity(
             hardware, sum(one.lost for one in counted), sum(one.spurious for one in counted),
-            sum(one.ideal_events for one in counted), len(sampled.ledgers),
+            sum(one.ideal_events for one in counted), len({one.die for one in sampled.outcomes}),
         ),
-        f.read_error(hardware, plan),
-        f.wake_up(hardware, check.disabled_weights),
-        f.useful_event_range(hardware, plan),
-        f.time_per_step(hardware, ledgers),
-        f.programming_power(hardware, ledgers),
-        f.energy_per_timestep(hardware, ledgers),
-        f.pulses_per_device(hardware, ledgers),
-        f.endurance(hardware, ledgers),
-        f.closed_loop_success(hardware, sampled.success),
+        behaviour.weight_divergence(check),
+        array.threshold_margin(hardware, check.ledger),
+        array.read_error(hardware, plan),
+        array.disturb(hardware, plan, check.ledger, check.spikes),
+        array.wake_up(hardware, check.disabled_weights),
+        array.useful_event_range(hardware, plan),
+        cost.time_per_step(hardware, ledgers),
+        cost.programming_power(hardware, ledgers),
+        cost.energy_per_timestep(hardware, ledgers),
+        cost.pulses_per_device(hardware, ledgers),
+        cost.endurance(hardware, ledgers),
+        array.yield_(hardware, plan, seed=seed, dies=len(sampled.outcomes)),
+        behaviour.sensitivity(screened),
+        behaviour.closed_loop_success(hardware, sampled.success),
     )  # fmt: skip
     return tuple(f.capped_by_cards(figure, plan) for figure in found)
 
 
-def _verdict(found: tuple[f.Figure, ...], exactness: Mapping[str, bool]) -> tuple[str, tuple[str, ...]]:
+def study_verdict(found: tuple[f.Figure, ...], exactness: Mapping[str, bool]) -> tuple[str, tuple[str, ...]]:
+    """PASS, MARGINAL or FAIL, and the binding figures in a sentence each, at most three."""
     broken = [name for name, holds in exactness.items() if not holds]
     if broken:
         return f.FAIL, (f"exactness: {', '.join(broken)} does not hold, so the study is void.",)
     rank = {f.FAIL: 0, f.MARGINAL: 1, f.NOT_RUN: 2, f.ASSUMED: 3}
     binding = sorted(
-        (figure for figure in found if figure.status in rank),
-        key=lambda figure: (rank[figure.status], figure.margin if figure.margin is not None else 0.0),
+        (figure for figure in found if figure.status in rank and figure.name not in NEVER_BINDING),
+        key=lambda figure: (
+            rank[figure.status],
+            DEPTH.get(figure.name, 0) if figure.status == f.FAIL else 0,
+            figure.margin if figure.margin is not None else 0.0,
+        ),
     )
     if not binding:
         return f.PASS, ()

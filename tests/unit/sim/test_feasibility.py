@@ -36,9 +36,9 @@ def test_exactness_is_checked_on_the_nominal_die(study):
 
 def test_figures_are_complete(study):
     assert [figure.name for figure in study.figures] == [
-        "event_fidelity", "read_error", "wake_up", "useful_event_range", "time_per_step", "programming_power",
-        "energy_per_timestep",
-        "pulses_per_device", "endurance", "closed_loop_success",
+        "event_fidelity", "weight_divergence", "threshold_margin", "read_error", "disturb", "wake_up",
+        "useful_event_range", "time_per_step", "programming_power", "energy_per_timestep", "pulses_per_device",
+        "endurance", "yield", "sensitivity", "closed_loop_success",
     ]  # fmt: skip
     assert all(figure.source and figure.detail for figure in study.figures)
 
