@@ -14,25 +14,25 @@ from ohmloom.errors import FileFormatError, UnknownNameError, expect_integer
 from ohmloom.mapping import Hardware, Plan, place
 from ohmloom.neurocontroller import Network
 from ohmloom.sim import figures as f
-from ohmloom.sim import figures_array as array
-from ohmloom.sim import figures_behaviour as behaviour
-from ohmloom.sim import figures_cost as cost
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
+from ohmloom.sim.corners import corner, run_corners
 from ohmloom.sim.exact_case import Case
 from ohmloom.sim.exactness import exact_box
-from ohmloom.sim.sampling import DieOutcome, Sampled, sample_dies
+from ohmloom.sim.inversion import Needs, requirements
+from ohmloom.sim.lifetime import lifetime
+from ohmloom.sim.sampling import DieOutcome, sample_dies
 from ohmloom.sim.sampling import start_key as start_key
+from ohmloom.sim.sensitivity import screen
 from ohmloom.sim.statistics import Success
 from ohmloom.sim.trial import Trial
+from ohmloom.sim.verdict import study_figures, study_verdict
+from ohmloom.sim.yield_study import yield_curves
 
 STUDIES = ("default", "full")
-# Each of these has the margin of another figure: the power, and the endurance.
-OTHER_FORMS = ("energy_per_timestep", "pulses_per_device")
-NEVER_BINDING = ("sensitivity",)
-# Causes come before symptoms: what is wrong on the nominal die, then what spreads do to thresholds, disturbs and yield,
-# then what follows from all of it. Weights diverge because events are lost, and trials fail because weights diverge.
-DEPTH = {"threshold_margin": 1, "disturb": 1, "yield": 1, "weight_divergence": 2, "closed_loop_success": 2}
+STUDIES = ("default", "full")
+CURVE_DIES = {"default": 50, "full": 400}
+Stage = Callable[[str, int, int], None]
 NOT_MODELLED = (
     "sneak paths while lines float: idle lines are held at 0 V",
     "cells on a shared line that are programmed at the same instant, beyond their own wires",
@@ -167,6 +167,7 @@ def feasibility(
     workers: int = 1,
     arena: Arena | None = None,
     progress: Callable[[int, int], None] | None = None,
+    stage: Stage | None = None,
 ) -> Feasibility:
     """Evaluate a network on hardware.
 
@@ -189,6 +190,8 @@ def feasibility(
         The paper's arena of the network's task by default.
     progress
         Called with the number of dies done and of all.
+    stage
+        Called with the name of a part of a full study, how much of it is done, and all of it.
 
     Raises
     ------
@@ -212,12 +215,25 @@ def feasibility(
     # By closed forms: `check` follows the differential equations too.
     exactness, not_applicable = exact_box(Case(plan=plan, trial_key=start_key(seed, 0), arena=arena))
     sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, workers=workers, progress=progress)
-    found = study_figures(plan, check, sampled, seed=seed)
+    is_full = study == "full"
+    screened = screen(plan, arena, seed=seed, progress=_named("sensitivity", stage)) if is_full else None
+    found = study_figures(plan, check, sampled, seed=seed, screened=screened)
     verdict, reasons = study_verdict(found, exactness)
+    curves = yield_curves(plan, dies=CURVE_DIES[study], seed=seed) if dies else ()
+    corners: tuple[Mapping[str, Any], ...] = ()
+    needs: tuple[Mapping[str, Any], ...] = ()
+    if is_full:
+        typical = corner("typical", "the spec as it is", found, sampled.success, verdict)
+        others = run_corners(
+            network, hardware, arena, dies=dies, seed=seed, workers=workers, progress=_named("corners", stage)
+        )
+        corners = (typical, *others)
+        needs = requirements(found, Needs(plan=plan, arena=arena, seed=seed, check=check, sampled=sampled))
     return Feasibility(
         verdict=verdict, reasons=reasons, figures=found, success=sampled.success, exactness=exactness,
         not_applicable=not_applicable, dies=sampled.outcomes, ledger=asdict(check.ledger), plan=plan, agreement=check,
-        hardware_trial=sampled.first_trial,
+        hardware_trial=sampled.first_trial, yield_=tuple(point.to_dict() for point in curves), corners=corners,
+        sensitivity=screened, requirements=needs, lifetime=lifetime(plan, check.ledger) if is_full else None,
         provenance={
             "ohmloom": __version__, "network": network.name, "network_sha256": network.sha256,
             "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies, "starts": starts,
@@ -226,62 +242,9 @@ def feasibility(
     )  # fmt: skip
 
 
+def _named(name: str, stage: Stage | None) -> Callable[[int, int], None] | None:
+    return None if stage is None else lambda done, whole: stage(name, done, whole)
+
+
 def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
-
-
-def study_figures(
-    plan: Plan, check: Agreement, sampled: Sampled, *, seed: int, screened: Mapping[str, Any] | None = None
-) -> tuple[f.Figure, ...]:
-    """All figures of a study, in the order in which they are shown."""
-    hardware = plan.hardware
-    names = [f"die {one.die}" + (f", start {one.start}" if one.start else "") for one in sampled.outcomes]
-    ledgers = {"the nominal die": check.ledger, **dict(zip(names, sampled.ledgers, strict=True))}
-    counted = sampled.ledgers or (check.ledger,)
-    found = (
-        behaviour.event_fidelity(
-            hardware, sum(one.lost for one in counted), sum(one.spurious for one in counted),
-            sum(one.ideal_events for one in counted), len({one.die for one in sampled.outcomes}),
-        ),
-        behaviour.weight_divergence(check),
-        array.threshold_margin(hardware, check.ledger),
-        array.read_error(hardware, plan),
-        array.disturb(hardware, plan, check.ledger, check.spikes),
-        array.wake_up(hardware, check.disabled_weights),
-        array.useful_event_range(hardware, plan),
-        cost.time_per_step(hardware, ledgers),
-        cost.programming_power(hardware, ledgers),
-        cost.energy_per_timestep(hardware, ledgers),
-        cost.pulses_per_device(hardware, ledgers),
-        cost.endurance(hardware, ledgers),
-        array.yield_(hardware, plan, seed=seed, dies=len(sampled.outcomes)),
-        behaviour.sensitivity(screened),
-        behaviour.closed_loop_success(hardware, sampled.success),
-    )  # fmt: skip
-    return tuple(f.capped_by_cards(figure, plan) for figure in found)
-
-
-def study_verdict(found: tuple[f.Figure, ...], exactness: Mapping[str, bool]) -> tuple[str, tuple[str, ...]]:
-    """PASS, MARGINAL or FAIL, and the binding figures in a sentence each, at most three."""
-    broken = [name for name, holds in exactness.items() if not holds]
-    if broken:
-        return f.FAIL, (f"exactness: {', '.join(broken)} does not hold, so the study is void.",)
-    rank = {f.FAIL: 0, f.MARGINAL: 1, f.NOT_RUN: 2, f.ASSUMED: 3}
-    binding = sorted(
-        (figure for figure in found if figure.status in rank and figure.name not in NEVER_BINDING),
-        key=lambda figure: (
-            rank[figure.status],
-            DEPTH.get(figure.name, 0) if figure.status == f.FAIL else 0,
-            figure.margin if figure.margin is not None else 0.0,
-        ),
-    )
-    if not binding:
-        return f.PASS, ()
-    verdict = f.FAIL if binding[0].status == f.FAIL else f.MARGINAL
-    # What only leaves a doubt is no reason for a FAIL, and the other form of one figure is no second reason.
-    reasons = [
-        figure
-        for figure in binding
-        if (verdict == f.MARGINAL or figure.status == f.FAIL) and figure.name not in OTHER_FORMS
-    ]
-    return verdict, tuple(figure.sentence for figure in reasons[:3])

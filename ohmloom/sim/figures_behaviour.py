@@ -20,6 +20,7 @@ from ohmloom.sim.figures import (
     status_of,
 )
 from ohmloom.sim.statistics import Success, dies_needed, pairs_needed
+from ohmloom.sim.writing import Writing
 
 EVENT_FIDELITY_LIMIT = 0.001
 DIVERGENCE_LIMIT = 0.02  # of W
@@ -41,12 +42,16 @@ def event_fidelity(hardware: Hardware, lost: int, spurious: int, ideal: int, die
                   detail=detail)  # fmt: skip
 
 
-def weight_divergence(check: Agreement) -> Figure:
-    """Worst root mean square difference of the weights from the paper's rule in a trial, on the nominal die."""
-    margin = margin_of(check.worst_rms, DIVERGENCE_LIMIT, low_is_good=True)
-    of_kind = ", ".join(f"{kind} {value:.2g}" for kind, value in check.worst_rms_of.items())
-    detail = f"worst timestep of the nominal die beside the discrete model of the paper; by kind: {of_kind or 'none'}."
-    return Figure(name="weight_divergence", value=check.worst_rms, unit="1", limit=DIVERGENCE_LIMIT, margin=margin,
+def weight_divergence(check: Agreement, writing: Writing) -> Figure:
+    """Worst root mean square difference of the weights from what the paper's rule makes of the same spikes, on the
+    nominal die."""
+    margin = margin_of(writing.worst, DIVERGENCE_LIMIT, low_is_good=True)
+    of_kind = ", ".join(f"{kind} {value:.2g}" for kind, value in writing.worst_of.items())
+    detail = (
+        f"worst of {writing.timesteps} timesteps of the nominal die beside the paper's rule on the same spikes; by "
+        f"kind: {of_kind or 'none is plastic'}. Each on its own spikes, the two end {check.final_rms:.2g} apart."
+    )
+    return Figure(name="weight_divergence", value=writing.worst, unit="1", limit=DIVERGENCE_LIMIT, margin=margin,
                   source=DESIGN_SOURCE, status=status_of(margin), detail=detail)  # fmt: skip
 
 

@@ -12,8 +12,8 @@ from ohmloom.sim import figures as f
 from ohmloom.sim import figures_array as array
 from ohmloom.sim import figures_behaviour as behaviour
 from ohmloom.sim import figures_cost as cost
-from ohmloom.sim.feasibility import study_verdict
 from ohmloom.sim.statistics import paired_success
+from ohmloom.sim.verdict import study_verdict
 
 HARDWARE = Hardware.load("het_mixed")
 LEDGER = Ledger(
