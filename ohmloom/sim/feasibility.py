@@ -216,7 +216,9 @@ def feasibility(
     exactness, not_applicable = exact_box(Case(plan=plan, trial_key=start_key(seed, 0), arena=arena))
     sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, workers=workers, progress=progress)
     is_full = study == "full"
-    screened = screen(plan, arena, seed=seed, progress=_named("sensitivity", stage)) if is_full else None
+    screened = (
+        screen(plan, arena, seed=seed, workers=workers, progress=_named("sensitivity", stage)) if is_full else None
+    )
     found = study_figures(plan, check, sampled, seed=seed, screened=screened)
     verdict, reasons = study_verdict(found, exactness)
     curves = yield_curves(plan, dies=CURVE_DIES[study], seed=seed) if dies else ()

@@ -18,6 +18,7 @@ from ohmloom.sim.arena import Arena
 from ohmloom.sim.sampling import start_key
 from ohmloom.sim.screening import morris_effects, morris_sample, saltelli_sample, sobol_indices
 from ohmloom.sim.trial import run_trial
+from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
 
 SCREEN_STREAM = 103  # beside CURVE_STREAM
 TRAJECTORIES = 40  # with 12 the intervals are 30 to 80 % of mu*
@@ -102,6 +103,28 @@ def action_agreement(plan: Plan, stream: Stream, *, seed: int, dies: int = DIES)
     return equal / max(dies * len(stream.actions), 1)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _RowUnit:
+    """One row of a sample, such as a trajectory: the unit of work."""
+
+    plan: Plan
+    factors: tuple[Factor, ...]
+    sample: FloatArray
+    stream: Stream
+    seed: int
+
+    def __call__(self, item: int, stopped: Stopped, report: Report, /) -> bool:
+        row = {}
+        for k, point in enumerate(self.sample[item]):
+            values = {x.name: x.low + u * (x.high - x.low) for x, u in zip(self.factors, point, strict=True)}
+            changed = replace(self.plan, hardware=at(self.plan.hardware, values))
+            row[str(k)] = action_agreement(changed, self.stream, seed=self.seed)
+            if stopped():
+                return False
+        report(item, row)
+        return True
+
+
 def screen(
     plan: Plan,
     arena: Arena,
@@ -109,6 +132,7 @@ def screen(
     seed: int = 0,
     trajectories: int = TRAJECTORIES,
     base: int = BASE,
+    workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
     """Screen all declared spreads, then split the variance among the leaders.
@@ -126,6 +150,8 @@ def screen(
         Of the Morris screening.
     base
         Base samples of the Sobol' indices, a power of two; 0 leaves them out.
+    workers
+        Processes that share the points; they do not change the result.
     progress
         Called with points done and points in all.
 
@@ -148,15 +174,20 @@ def screen(
     done = 0
 
     def outputs(points: FloatArray, of: tuple[Factor, ...]) -> FloatArray:
-        nonlocal done
         found = np.empty(points.shape[:2])
-        for index in np.ndindex(found.shape):
-            values = {x.name: x.low + u * (x.high - x.low) for x, u in zip(of, points[index], strict=True)}
-            changed = replace(plan, hardware=at(plan.hardware, values))
-            found[index] = action_agreement(changed, stream, seed=seed)
-            done += 1
+
+        def take(item: int, row: dict[str, float]) -> None:
+            nonlocal done
+            found[item] = [row[str(k)] for k in range(len(row))]
+            done += len(row)
             if progress is not None:
                 progress(done, whole)
+
+        unit = _RowUnit(plan=plan, factors=of, sample=points, stream=stream, seed=seed)
+        with stop_on_interrupt() as stopped:
+            run_units(unit, range(len(points)), workers=workers, stopped=stopped, report=take)
+            if stopped():
+                raise KeyboardInterrupt
         return found
 
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SCREEN_STREAM,)))
