@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from ohmloom.devices import Device
 from ohmloom.mapping import Hardware, Ledger, Quantity, place
@@ -12,6 +13,7 @@ from ohmloom.sim import figures as f
 from ohmloom.sim import figures_array as array
 from ohmloom.sim import figures_behaviour as behaviour
 from ohmloom.sim import figures_cost as cost
+from ohmloom.sim.sensitivity import at
 from ohmloom.sim.statistics import paired_success
 from ohmloom.sim.verdict import study_verdict
 
@@ -202,3 +204,77 @@ def test_broken_exactness_voids_the_study():
     verdict, reasons = study_verdict((figure("a", "PASS", 1.0),), {"network_charge": False})
     assert verdict == "FAIL"
     assert reasons == ("exactness: network_charge does not hold, so the study is void.",)
+
+
+def test_misfires_are_those_of_a_normal_threshold():
+    # Selected cells: an event at 1 V, thresholds of 0.75 V with a spread of 10 %, so 10/3 standard deviations away.
+    hardware = HARDWARE.model_copy(
+        update={
+            "drive": HARDWARE.drive.model_copy(update={"pulse_voltage": sourced(1.0)}),
+            "nonidealities": HARDWARE.nonidealities.model_copy(update={"threshold": sourced(0.1)}),
+        }
+    )
+    ledger = replace(LEDGER, ideal_events=10_000)
+    lost = 10_000 * norm.sf(0.25 / 0.075)
+    figure = array.threshold_margin(hardware, ledger)
+    assert figure.value == pytest.approx(lost, rel=1e-9)
+    assert figure.status == "FAIL"
+    # Half-selected devices see 0.5 V, and write where their threshold is below it.
+    driven = replace(ledger, half_selects_row=400, half_selects_column=300, half_selects_both=0)
+    more = array.threshold_margin(hardware, driven)
+    assert more.value == pytest.approx(lost + 700 * norm.cdf(-0.25 / 0.075), rel=1e-9)
+    assert "2 to 1" in more.detail
+
+
+def test_window_of_the_papers_waveform_is_five_to_four():
+    event, others = array.window(Hardware.load("hp_strukov"))
+    assert event == pytest.approx(1.0)
+    # Row at +3, column at -1 of units of a fifth of a volt; -2 and 0 on one line only.
+    assert others == pytest.approx({"row": 0.6, "column": 0.6, "both": 0.8})
+
+
+def test_disturb_counts_half_selects_of_a_mean_device_and_reads_of_the_busiest():
+    hardware = HARDWARE.model_copy(
+        update={"nonidealities": HARDWARE.nonidealities.model_copy(
+            update={"half_select": sourced(1e-3), "read_disturb": sourced(1e-4)})}
+    )  # fmt: skip
+    plan = place(Network.random(system="HP", rng=np.random.default_rng(1)), HARDWARE)
+    spikes = np.zeros((10, plan.network.neurons), dtype=np.int64)
+    spikes[:, plan.network.synapses[0].pre] = 21
+    ledger = replace(LEDGER, half_selects_row=30 * len(plan.crosspoints), half_selects_both=12 * len(plan.crosspoints))
+    figure = array.disturb(hardware, plan, ledger, spikes)
+    assert figure.value == pytest.approx(42 * 1e-3 + 210 * 1e-4)
+    # A spec that is silent about a disturb that happens cannot pass, and is told its budget.
+    silent = array.disturb(HARDWARE, plan, ledger, spikes)
+    assert (silent.value, silent.status) == (0.0, "ASSUMED")
+    assert "nonidealities.half_select up to 0.024 of an event" in silent.detail
+    assert array.disturb(Hardware.load("ideal"), plan, ledger, spikes).status == "PASS"
+
+
+def test_yield_is_one_only_where_nothing_is_said_of_faults():
+    ideal = Hardware.load("ideal")
+    network = Network.random(system="HP", rng=np.random.default_rng(1))
+    assert array.yield_(ideal, place(network, ideal), seed=0, dies=0).status == "PASS"
+    assert array.yield_(HARDWARE, place(network, HARDWARE), seed=0, dies=0).status == "ASSUMED"
+    faulty = at(ideal, {"nonidealities.stuck_off": 0.15})
+    figure = array.yield_(faulty, place(network, faulty), seed=0, dies=5)
+    assert 0.0 <= figure.value < 1.0
+    assert (figure.limit, figure.status) == (None, "ASSUMED")
+    assert array.yield_(faulty, place(network, faulty), seed=0, dies=0).status == "NOT_RUN"
+
+
+def test_sensitivity_is_the_share_of_the_leader_and_never_binds():
+    factors = [{"name": "a", "mu_star": 0.3, "source": "assumed: x"}, {"name": "b", "mu_star": 0.1, "source": "y"}]
+    found = behaviour.sensitivity({"output": "action agreement", "factors": factors})
+    assert found.value == pytest.approx(0.75)
+    assert study_verdict((replace(found, status="NOT_RUN"),), {}) == ("PASS", ())
+    assert behaviour.sensitivity(None).status == "NOT_RUN"
+
+
+def test_causes_come_before_symptoms():
+    found = (
+        figure("closed_loop_success", "FAIL", -50.0), figure("weight_divergence", "FAIL", -40.0),
+        figure("threshold_margin", "FAIL", -30.0), figure("read_error", "FAIL", -1.0),
+    )  # fmt: skip
+    names = [reason.split()[0] for reason in study_verdict(found, {})[1]]
+    assert names == ["read_error", "threshold_margin", "closed_loop_success"]
