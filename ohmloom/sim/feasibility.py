@@ -12,7 +12,7 @@ from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
 from ohmloom.errors import FileFormatError, UnknownNameError, expect_integer
 from ohmloom.mapping import Hardware, Plan, place
-from ohmloom.neurocontroller import Network
+from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
@@ -25,12 +25,13 @@ from ohmloom.sim.sampling import DieOutcome, sample_dies
 from ohmloom.sim.sampling import start_key as start_key
 from ohmloom.sim.sensitivity import screen
 from ohmloom.sim.statistics import Success
-from ohmloom.sim.trial import Trial
-from ohmloom.sim.verdict import study_figures, study_verdict
+from ohmloom.sim.trial import Trial, run_trial
+from ohmloom.sim.verdict import of_whole_trial, study_figures, study_verdict
 from ohmloom.sim.yield_study import yield_curves
 
 STUDIES = ("default", "full")
-STUDIES = ("default", "full")
+EXACT_TIMESTEPS = 100  # at most, of the exact box: `check` runs the whole trial
+QUICK_TIMESTEPS = 200  # at most, of the nominal die without sampling; what counts per trial is then scaled
 CURVE_DIES = {"default": 50, "full": 400}
 Stage = Callable[[str, int, int], None]
 NOT_MODELLED = (
@@ -211,15 +212,18 @@ def feasibility(
     if arena is None:
         arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
     plan = place(network, hardware)
-    check = agreement(network, hardware, arena=arena, die=plan.nominal(), trial_key=start_key(seed, 0))
+    key = start_key(seed, 0)
+    seen = arena if dies else _cut(arena, QUICK_TIMESTEPS)
+    check = agreement(network, hardware, arena=seen, die=plan.nominal(), trial_key=key)
+    whole = len(run_trial(SpikingController(network), arena, trial_key=key).actions)
     # By closed forms: `check` follows the differential equations too.
-    exactness, not_applicable = exact_box(Case(plan=plan, trial_key=start_key(seed, 0), arena=arena))
+    exactness, not_applicable = exact_box(Case(plan=plan, trial_key=key, arena=_cut(arena, EXACT_TIMESTEPS)))
     sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, workers=workers, progress=progress)
     is_full = study == "full"
     screened = (
         screen(plan, arena, seed=seed, workers=workers, progress=_named("sensitivity", stage)) if is_full else None
     )
-    found = study_figures(plan, check, sampled, seed=seed, screened=screened)
+    found = study_figures(plan, check, sampled, seed=seed, whole=whole, screened=screened)
     verdict, reasons = study_verdict(found, exactness)
     curves = yield_curves(plan, dies=CURVE_DIES[study], seed=seed) if dies else ()
     corners: tuple[Mapping[str, Any], ...] = ()
@@ -230,18 +234,23 @@ def feasibility(
             network, hardware, arena, dies=dies, seed=seed, workers=workers, progress=_named("corners", stage)
         )
         corners = (typical, *others)
-        needs = requirements(found, Needs(plan=plan, arena=arena, seed=seed, check=check, sampled=sampled))
+        needs = requirements(found, Needs(plan=plan, arena=arena, seed=seed, check=check, sampled=sampled, whole=whole))
     return Feasibility(
         verdict=verdict, reasons=reasons, figures=found, success=sampled.success, exactness=exactness,
         not_applicable=not_applicable, dies=sampled.outcomes, ledger=asdict(check.ledger), plan=plan, agreement=check,
         hardware_trial=sampled.first_trial, yield_=tuple(point.to_dict() for point in curves), corners=corners,
-        sensitivity=screened, requirements=needs, lifetime=lifetime(plan, check.ledger) if is_full else None,
+        sensitivity=screened, requirements=needs,
+        lifetime=lifetime(plan, of_whole_trial(check, whole)) if is_full else None,
         provenance={
             "ohmloom": __version__, "network": network.name, "network_sha256": network.sha256,
             "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies, "starts": starts,
             "study": study, "task": arena.task,
         },
     )  # fmt: skip
+
+
+def _cut(arena: Arena, timesteps: int) -> Arena:
+    return arena.replace(max_timesteps=min(timesteps, arena.max_timesteps))
 
 
 def _named(name: str, stage: Stage | None) -> Callable[[int, int], None] | None:

@@ -13,6 +13,7 @@ from ohmloom.devices import Device
 from ohmloom.mapping import Hardware, Ledger, Plan, Quantity, plan_yield
 from ohmloom.mapping.plan_yield import FAULTS
 from ohmloom.neurocontroller.kinds import MEM_LIFETIME, PLASTIC_KINDS
+from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP
 from ohmloom.sim.figures import ASSUMED, DESIGN_SOURCE, NOT_RUN, PASS, Figure, formula_figure
 from ohmloom.units import format_quantity
 
@@ -160,13 +161,14 @@ def disturb(hardware: Hardware, plan: Plan, ledger: Ledger, spikes: IntArray) ->
     hardware, plan, ledger
         What is built of what, and what the nominal die spent.
     spikes
-        Axes (timestep, neuron), of the trial.
+        Axes (timestep, neuron), of the trial, or of its beginning if the ledger has more steps.
     """
     half, read = hardware.nonidealities.half_select, hardware.nonidealities.read_disturb
     half_selects = ledger.half_selects_row + ledger.half_selects_column + ledger.half_selects_both
     per_device = half_selects / max(len(plan.crosspoints), 1)
     senders = sorted({s.pre for s in plan.network.synapses if s.kind in PLASTIC_KINDS})
-    reads = int(np.asarray(spikes)[:, senders].sum(axis=0).max(initial=0)) if senders and len(spikes) else 0
+    seen = int(spikes[:, senders].sum(axis=0).max(initial=0)) if senders and len(spikes) else 0
+    reads = seen * ledger.steps // max(len(spikes) * STEPS_PER_TIMESTEP, 1)
     given = {"nonidealities.half_select": half, "nonidealities.read_disturb": read}
     inputs = {name: q for name, q in given.items() if q is not None}
 

@@ -26,7 +26,7 @@ from ohmloom.sim.arena import Arena
 from ohmloom.sim.figures import FAIL, MARGINAL, MARGINAL_BELOW, NON_INFERIORITY, Figure
 from ohmloom.sim.sampling import Sampled, sample_dies
 from ohmloom.sim.sensitivity import Stream, at
-from ohmloom.sim.verdict import all_ledgers
+from ohmloom.sim.verdict import all_ledgers, of_whole_trial
 from ohmloom.units import format_quantity
 
 PRECISION = 0.005  # of the parameter: what is printed has three digits
@@ -47,6 +47,8 @@ class Needs:
         The nominal die beside the discrete controller.
     sampled
         What the sampled dies did.
+    whole
+        Timesteps of the whole trial, where `check` saw only its beginning.
     """
 
     plan: Plan
@@ -54,11 +56,17 @@ class Needs:
     seed: int
     check: Agreement
     sampled: Sampled
+    whole: int | None = None
+
+    @property
+    def nominal(self) -> Ledger:
+        """What the nominal die spends in a whole trial."""
+        return of_whole_trial(self.check, self.whole)
 
     @property
     def ledgers(self) -> dict[str, Ledger]:
         """What the nominal and the sampled dies spent."""
-        return all_ledgers(self.check, self.sampled)
+        return all_ledgers(self.check, self.sampled, self.whole)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +217,7 @@ def _event_fidelity(case: Needs) -> Iterator[Lever]:
         yield from _r_on(case, margin, kinds)
         yield from _wires(case, margin)
     else:
-        yield from _spread_of_thresholds(case, behaviour.EVENT_FIDELITY_LIMIT * case.check.ledger.ideal_events)
+        yield from _spread_of_thresholds(case, behaviour.EVENT_FIDELITY_LIMIT * case.nominal.ideal_events)
 
 
 def _spread_of_thresholds(case: Needs, limit: float = array.MISFIRES_LIMIT) -> Iterator[Lever]:
@@ -218,7 +226,7 @@ def _spread_of_thresholds(case: Needs, limit: float = array.MISFIRES_LIMIT) -> I
 
         def margin(sigma: float) -> float:
             changed = at(case.plan.hardware, {"nonidealities.threshold": sigma})
-            value = array.threshold_margin(changed, case.check.ledger).value
+            value = array.threshold_margin(changed, case.nominal).value
             return 1.0 - (value or 0.0) / limit
 
         yield Lever(parameter="nonidealities.threshold", unit="1", now=spread.value, end=0.0, margin=margin)
@@ -312,7 +320,7 @@ LEVERS: MappingProxyType[str, Callable[[Needs], Iterator[Lever]]] = MappingProxy
     "read_error": _read_error,
     "disturb": lambda case: (
         lever for name in ("nonidealities.half_select", "nonidealities.read_disturb") for lever in _simple(
-            name, lambda c, h: array.disturb(h, c.plan, c.check.ledger, c.check.spikes), up=False)(case)
+            name, lambda c, h: array.disturb(h, c.plan, c.nominal, c.check.spikes), up=False)(case)
     ),
     "time_per_step": _time_per_step,
     "programming_power": _power,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 from ohmloom.mapping import Ledger, Plan
@@ -23,11 +24,30 @@ DEPTH = {"threshold_margin": 1, "disturb": 1, "yield": 1, "weight_divergence": 2
 
 
 def study_figures(
-    plan: Plan, check: Agreement, sampled: Sampled, *, seed: int, screened: Mapping[str, Any] | None = None
+    plan: Plan,
+    check: Agreement,
+    sampled: Sampled,
+    *,
+    seed: int,
+    whole: int | None = None,
+    screened: Mapping[str, Any] | None = None,
 ) -> tuple[f.Figure, ...]:
-    """All figures of a study, in the order in which they are shown."""
+    """All figures of a study, in the order in which they are shown.
+
+    Parameters
+    ----------
+    plan, check, sampled
+        What is placed where; the nominal die; the sampled ones.
+    seed
+        Of sampled yield.
+    whole
+        Timesteps of the whole trial, where `check` saw only its beginning.
+    screened
+        What `ohmloom.sim.sensitivity.screen` found.
+    """
+    nominal = of_whole_trial(check, whole)
     hardware = plan.hardware
-    ledgers = all_ledgers(check, sampled)
+    ledgers = all_ledgers(check, sampled, whole)
     counted = sampled.ledgers or (check.ledger,)
     found = (
         behaviour.event_fidelity(
@@ -35,9 +55,9 @@ def study_figures(
             sum(one.ideal_events for one in counted), len({one.die for one in sampled.outcomes}),
         ),
         behaviour.weight_divergence(check, writing_divergence(plan.nominal(), check.trial.sensors)),
-        array.threshold_margin(hardware, check.ledger),
+        array.threshold_margin(hardware, nominal),
         array.read_error(hardware, plan),
-        array.disturb(hardware, plan, check.ledger, check.spikes),
+        array.disturb(hardware, plan, nominal, check.spikes),
         array.wake_up(hardware, check.disabled_weights),
         array.useful_event_range(hardware, plan),
         cost.time_per_step(hardware, ledgers),
@@ -52,10 +72,25 @@ def study_figures(
     return tuple(f.capped_by_cards(figure, plan) for figure in found)
 
 
-def all_ledgers(check: Agreement, sampled: Sampled) -> dict[str, Ledger]:
-    """What the nominal and the sampled dies spent, by names for people."""
+def all_ledgers(check: Agreement, sampled: Sampled, whole: int | None = None) -> dict[str, Ledger]:
+    """What the nominal and the sampled dies spent in a trial, by names for people."""
     names = [f"die {one.die}" + (f", start {one.start}" if one.start else "") for one in sampled.outcomes]
-    return {"the nominal die": check.ledger, **dict(zip(names, sampled.ledgers, strict=True))}
+    seen = len(check.trial.actions)
+    nominal = "the nominal die" + (f" (scaled from {seen} timesteps)" if whole is not None and whole > seen else "")
+    return {nominal: of_whole_trial(check, whole), **dict(zip(names, sampled.ledgers, strict=True))}
+
+
+def of_whole_trial(check: Agreement, whole: int | None) -> Ledger:
+    """What the nominal die spends in a trial of so many timesteps, if it goes on as it began."""
+    ledger, seen = check.ledger, len(check.trial.actions)
+    if whole is None or whole <= seen:
+        return ledger
+    scaled = {
+        name: type(value)(value * whole / seen)
+        for name, value in asdict(ledger).items()
+        if not name.endswith("_time")
+    }  # fmt: skip
+    return replace(ledger, **scaled)
 
 
 def study_verdict(found: tuple[f.Figure, ...], exactness: Mapping[str, bool]) -> tuple[str, tuple[str, ...]]:

@@ -16,7 +16,7 @@ from ohmloom.mapping import Die, EmulatedController
 from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS
 from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP
 
-TIMESTEPS = 500  # at most: by then every weight has crossed its range many times
+TIMESTEPS = 200  # at most: with some five events a timestep a weight has crossed its range by then
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,7 @@ from ohmloom.sim.inversion import Lever, Needs, least_change, requirements
 from ohmloom.sim.lifetime import lifetime, weight_errors
 from ohmloom.sim.sampling import sample_dies, start_key
 from ohmloom.sim.sensitivity import Stream, action_agreement, at, declared_spreads, screen
+from ohmloom.sim.verdict import all_ledgers, of_whole_trial
 from ohmloom.sim.writing import writing_divergence
 from ohmloom.sim.yield_study import yield_curves
 
@@ -73,6 +74,19 @@ def test_lifetime_is_wear_and_decay_by_hand(plan, check):
     assert row["mean_weight_error"] == pytest.approx(expected, rel=1e-6)
     assert weight_errors(aged, 0.0).max() == 0.0
     assert lifetime(plan, check.ledger)[0]["mean_weight_error"] is None
+
+
+def test_beginning_of_a_trial_is_scaled_to_the_whole(check):
+    seen, ledger = len(check.trial.actions), check.ledger
+    whole = of_whole_trial(check, 3 * seen)
+    assert (whole.most_pulses, whole.ideal_events, whole.steps) == (
+        3 * ledger.most_pulses, 3 * ledger.ideal_events, 3 * ledger.steps,
+    )  # fmt: skip
+    assert whole.programming_energy == pytest.approx(3 * ledger.programming_energy)
+    assert whole.worst_programming_time == ledger.worst_programming_time
+    assert of_whole_trial(check, seen) == ledger
+    names = list(all_ledgers(check, sample_dies(place(NETWORK, IDEAL), SHORT, dies=0, seed=0), 3 * seen))
+    assert names == [f"the nominal die (scaled from {seen} timesteps)"]
 
 
 def test_least_change_is_where_the_margin_reaches_twenty_percent():
