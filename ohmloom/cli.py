@@ -11,7 +11,7 @@ import os
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
 import typer
 
@@ -19,14 +19,12 @@ from ohmloom import __version__
 from ohmloom._cli_check import check_network
 from ohmloom._cli_circuit import app as circuit_app
 from ohmloom._cli_device import app as device_app
+from ohmloom._cli_evaluate import evaluate_networks
 from ohmloom._cli_fmu import app as fmu_app
 from ohmloom._cli_fmu import join_start_values
 from ohmloom._cli_map import HardwareHelp, map_network
-from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
+from ohmloom._terminal import bars, check_folder, check_targets, say
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
-
-if TYPE_CHECKING:
-    from ohmloom.sim import Feasibility
 
 app = typer.Typer(
     name="ohmloom", no_args_is_help=True, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
@@ -158,47 +156,7 @@ def evolve(
 
 app.command("map")(map_network)
 app.command("check")(check_network)
-
-
-@app.command()
-def evaluate(
-    nets: Annotated[list[Path], typer.Argument(metavar="NET...", help="Network files (*.net.json).")],
-    hardware: Annotated[list[str], typer.Option(help=HardwareHelp + " May be repeated.")],
-    dies: Annotated[int, typer.Option(min=0, help="Sampled pieces of hardware; 0: only what needs none.")] = 200,
-    seed: SeedOption = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder for report.html, report.json and plan.json.")] = None,
-    json_: JsonOption = False,
-) -> None:
-    """Would this network work on this hardware, and why (not)? Exit code 0 for PASS, else 1."""
-    from ohmloom.mapping import Hardware, place
-    from ohmloom.neurocontroller import Network
-    from ohmloom.report.output import STUDY_FILES, save_study
-    from ohmloom.sim import feasibility
-
-    pairs = [(net, name, Network.load(net), Hardware.load(name)) for net in nets for name in hardware]
-    for _, _, network, spec in pairs:
-        place(network, spec)
-    folders = study_folders(out, nets, hardware)
-    for folder in folders:
-        check_folder(folder)
-        check_targets([folder / name for name in STUDY_FILES], [*nets, *map(Path, hardware)])
-    studies = []
-    for k, (net, name, network, spec) in enumerate(pairs):
-        say(f"{network.name} on {spec.name}, {dies} dies, seed {seed} (compiling at the first run)")
-        with bars({0: "dies"}, dies) as update:
-            study = feasibility(network, spec, dies=dies, seed=seed, progress=lambda k, _: update(0, k, ""))
-        studies.append(study)
-        if folders:
-            command = shlex.join(["ohmloom", "evaluate", str(net), "--hardware", name, "--dies", str(dies),
-                                  "--seed", str(seed)])  # fmt: skip
-            save_study(study, folders[k], command=command)
-            say(f"wrote {folders[k] / 'report.html'} and {folders[k] / 'report.json'}")
-        if not json_:
-            _print_study(study)
-    if json_:
-        tables = [study.to_dict() for study in studies]
-        _print_json(tables[0] if len(tables) == 1 else {"pairs": tables})
-    raise typer.Exit(0 if all(study.verdict == "PASS" for study in studies) else 1)
+app.command("evaluate")(evaluate_networks)
 
 
 @app.command()
@@ -260,22 +218,3 @@ def doctor(json_: JsonOption = False) -> None:
 
 def _print_json(table: Any) -> None:
     print(json.dumps(table, indent=1))
-
-
-def _print_study(study: Feasibility) -> None:
-    from ohmloom.units import format_quantity
-
-    names = study.provenance
-    print(f"{names['network']} on {names['hardware']}: {study.verdict}")
-    for reason in study.reasons:
-        print(f"  - {reason}")
-    for figure in study.figures:
-        value = "-" if figure.value is None else format_quantity(figure.value, figure.unit)
-        limit = "-" if figure.limit is None else format_quantity(figure.limit, figure.unit)
-        margin = "-" if figure.margin is None else f"{figure.margin:+.3g}"
-        print(f"  {figure.name:22}{value:>16}  limit {limit:>14}  margin {margin:>10}  {figure.status}")
-    if study.success is not None:
-        s = study.success
-        print(f"  goal reached from {s.hardware:.1%} of {s.n} starts on hardware, {s.ideal:.1%} ideal")
-    held = ", ".join(f"{name} {'holds' if holds else 'DOES NOT HOLD'}" for name, holds in study.exactness.items())
-    print(f"  exactness: {held}")

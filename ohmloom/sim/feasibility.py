@@ -6,26 +6,34 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import Any, Literal
 
 from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
-from ohmloom.errors import FileFormatError, expect_integer
-from ohmloom.mapping import EmulatedController, Hardware, Ledger, Plan, place
+from ohmloom.errors import FileFormatError, UnknownNameError, expect_integer
+from ohmloom.mapping import Hardware, Plan, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.sim import figures as f
 from ohmloom.sim.agreement import Agreement, agreement
 from ohmloom.sim.arena import Arena
+from ohmloom.sim.corners import corner, run_corners
 from ohmloom.sim.exact_case import Case
 from ohmloom.sim.exactness import exact_box
-from ohmloom.sim.statistics import Success, paired_success
+from ohmloom.sim.inversion import Needs, requirements
+from ohmloom.sim.lifetime import lifetime
+from ohmloom.sim.sampling import DieOutcome, sample_dies
+from ohmloom.sim.sampling import start_key as start_key
+from ohmloom.sim.sensitivity import screen
+from ohmloom.sim.statistics import Success
 from ohmloom.sim.trial import Trial, run_trial
+from ohmloom.sim.verdict import of_whole_trial, study_figures, study_verdict
+from ohmloom.sim.yield_study import yield_curves
 
-START_STREAM = 100  # beside the streams of ohmloom.mapping.die.EFFECTS
-# Each of these has the margin of another figure: the power, and the endurance.
-OTHER_FORMS = ("energy_per_timestep", "pulses_per_device")
+STUDIES = ("default", "full")
+EXACT_TIMESTEPS = 100  # at most, of the exact box: `check` runs the whole trial
+QUICK_TIMESTEPS = 200  # at most, of the nominal die without sampling; what counts per trial is then scaled
+CURVE_DIES = {"default": 50, "full": 400}
+Stage = Callable[[str, int, int], None]
 NOT_MODELLED = (
     "sneak paths while lines float: idle lines are held at 0 V",
     "cells on a shared line that are programmed at the same instant, beyond their own wires",
@@ -35,20 +43,6 @@ NOT_MODELLED = (
     "disabled devices with spreads of their own",
     "routing, clock and control logic",
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class DieOutcome:
-    """One sampled die: its start's key, whether the ideal controller and the hardware reached the goal, and counts."""
-
-    die: int
-    trial_key: int
-    ideal: bool
-    hardware: bool
-    lost: int
-    spurious: int
-    most_pulses: int
-    worst_programming_time: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +66,20 @@ class Feasibility:
     not_modelled
         What this study leaves out.
     dies
-        Outcome of every sampled die.
+        Outcome of every start of every sampled die.
+    yield_
+        Share of dies of which every synapse stands on a working device, by rate of faults, repair and spare lines: each
+        with ``fault_rate``, ``repair`` (``none`` or ``permuted``), ``spare_rows``, ``spare_columns``, ``value``, Wilson
+        ``interval``, ``n``. Empty without dies.
+    corners
+        Each with ``name``, ``description``, ``success``, ``figures``, ``verdict``;
+        of a full study, like all that follows.
+    sensitivity
+        Morris screening, and Sobol indices of the leaders; see `ohmloom.sim.sensitivity`.
+    requirements
+        For figures that fail or are marginal: ``figure``, ``parameter``, ``unit``, ``now``, ``needed``, ``sentence``.
+    lifetime
+        Retention and wear after so many trials.
     ledger
         What the nominal die spent, by the names of `Ledger`.
     plan, agreement, hardware_trial
@@ -92,6 +99,11 @@ class Feasibility:
     dies: tuple[DieOutcome, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     ledger: Mapping[str, Any] | None = None
+    yield_: tuple[Mapping[str, Any], ...] = ()
+    corners: tuple[Mapping[str, Any], ...] = ()
+    sensitivity: Mapping[str, Any] | None = None
+    requirements: tuple[Mapping[str, Any], ...] = ()
+    lifetime: tuple[Mapping[str, Any], ...] | None = None
     plan: Plan | None = None
     agreement: Agreement | None = None
     hardware_trial: Trial | None = None
@@ -103,7 +115,11 @@ class Feasibility:
             "figures": [asdict(figure) for figure in self.figures],
             "success": None if self.success is None else asdict(self.success), "exactness": dict(self.exactness),
             "not_applicable": dict(self.not_applicable), "not_modelled": list(self.not_modelled),
-            "dies": [asdict(die) for die in self.dies], "ledger": self.ledger, "provenance": dict(self.provenance),
+            "dies": [asdict(die) for die in self.dies], "ledger": self.ledger,
+            "yield_": list(self.yield_), "corners": list(self.corners), "sensitivity": self.sensitivity,
+            "requirements": list(self.requirements),
+            "lifetime": None if self.lifetime is None else list(self.lifetime),
+            "provenance": dict(self.provenance),
         }  # fmt: skip
 
     def save(self, path: Path | str) -> None:
@@ -123,7 +139,9 @@ class Feasibility:
                 figures=tuple(f.Figure(**figure) for figure in table["figures"]), success=success,
                 exactness=table["exactness"], not_applicable=table["not_applicable"],
                 not_modelled=tuple(table["not_modelled"]), dies=tuple(DieOutcome(**die) for die in table["dies"]),
-                ledger=table["ledger"], provenance=table["provenance"],
+                ledger=table["ledger"], provenance=table["provenance"], yield_=tuple(table["yield_"]),
+                corners=tuple(table["corners"]), sensitivity=table["sensitivity"],
+                requirements=tuple(table["requirements"]), lifetime=_tuple(table["lifetime"]),
             )  # fmt: skip
         except (KeyError, TypeError) as error:
             raise FileFormatError(f"{path}: expected a study saved by ohmloom, got {error}. Evaluate again.") from error
@@ -145,8 +163,12 @@ def feasibility(
     *,
     dies: int = 200,
     seed: int = 0,
+    starts: int = 1,
+    study: Literal["default", "full"] = "default",
+    workers: int = 1,
     arena: Arena | None = None,
     progress: Callable[[int, int], None] | None = None,
+    stage: Stage | None = None,
 ) -> Feasibility:
     """Evaluate a network on hardware.
 
@@ -155,131 +177,85 @@ def feasibility(
     network, hardware
         What to build, and of what.
     dies
-        Sampled pieces of hardware; each is tried once, from a start of its own, beside the ideal controller. 0
-        gives the figures without sampling.
+        Sampled pieces of hardware, each tried from starts of its own beside the ideal controller. 0 gives the
+        figures without sampling.
     seed
         Every start and every die follows from it.
+    starts
+        Starts of each die. With several, dies are what was sampled, and intervals come from a bootstrap over them.
+    study
+        ``full`` adds corners, sensitivity, requirements and lifetime.
+    workers
+        Processes that share the dies; they do not change the result.
     arena
         The paper's arena of the network's task by default.
     progress
         Called with the number of dies done and of all.
+    stage
+        Called with the name of a part of a full study, how much of it is done, and all of it.
 
     Raises
     ------
     MappingError
         If the network cannot be placed.
     ParameterError
-        If `dies` or `seed` is negative.
+        If `dies` or `seed` is negative, `starts` or `workers` is not positive.
+    UnknownNameError
+        If `study` is neither.
     """
     expect_integer("feasibility.dies", dies)
     expect_integer("feasibility.seed", seed)
+    expect_integer("feasibility.starts", starts, 1)
+    expect_integer("feasibility.workers", workers, 1)
+    if study not in STUDIES:
+        raise UnknownNameError.of("feasibility.study", study, list(STUDIES))
     if arena is None:
         arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
     plan = place(network, hardware)
-    check = agreement(network, hardware, arena=arena, die=plan.nominal(), trial_key=start_key(seed, 0))
+    key = start_key(seed, 0)
+    seen = arena if dies else _cut(arena, QUICK_TIMESTEPS)
+    check = agreement(network, hardware, arena=seen, die=plan.nominal(), trial_key=key)
+    whole = len(run_trial(SpikingController(network), arena, trial_key=key).actions)
     # By closed forms: `check` follows the differential equations too.
-    exactness, not_applicable = exact_box(Case(plan=plan, trial_key=start_key(seed, 0), arena=arena))
-    sampled = _sample(plan, arena, dies, seed, progress)
-    found = _figures(plan, check, sampled)
-    verdict, reasons = _verdict(found, exactness)
+    exactness, not_applicable = exact_box(Case(plan=plan, trial_key=key, arena=_cut(arena, EXACT_TIMESTEPS)))
+    sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, workers=workers, progress=progress)
+    is_full = study == "full"
+    screened = (
+        screen(plan, arena, seed=seed, workers=workers, progress=_named("sensitivity", stage)) if is_full else None
+    )
+    found = study_figures(plan, check, sampled, seed=seed, whole=whole, screened=screened)
+    verdict, reasons = study_verdict(found, exactness)
+    curves = yield_curves(plan, dies=CURVE_DIES[study], seed=seed) if dies else ()
+    corners: tuple[Mapping[str, Any], ...] = ()
+    needs: tuple[Mapping[str, Any], ...] = ()
+    if is_full:
+        typical = corner("typical", "the spec as it is", found, sampled.success, verdict)
+        others = run_corners(
+            network, hardware, arena, dies=dies, seed=seed, workers=workers, progress=_named("corners", stage)
+        )
+        corners = (typical, *others)
+        needs = requirements(found, Needs(plan=plan, arena=arena, seed=seed, check=check, sampled=sampled, whole=whole))
     return Feasibility(
         verdict=verdict, reasons=reasons, figures=found, success=sampled.success, exactness=exactness,
-        not_applicable=not_applicable, dies=sampled.dies, ledger=asdict(check.ledger), plan=plan, agreement=check,
-        hardware_trial=sampled.first_trial,
+        not_applicable=not_applicable, dies=sampled.outcomes, ledger=asdict(check.ledger), plan=plan, agreement=check,
+        hardware_trial=sampled.first_trial, yield_=tuple(point.to_dict() for point in curves), corners=corners,
+        sensitivity=screened, requirements=needs,
+        lifetime=lifetime(plan, of_whole_trial(check, whole)) if is_full else None,
         provenance={
             "ohmloom": __version__, "network": network.name, "network_sha256": network.sha256,
-            "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies,
-            "task": arena.task,
+            "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies, "starts": starts,
+            "study": study, "task": arena.task,
         },
     )  # fmt: skip
 
 
+def _cut(arena: Arena, timesteps: int) -> Arena:
+    return arena.replace(max_timesteps=min(timesteps, arena.max_timesteps))
+
+
+def _named(name: str, stage: Stage | None) -> Callable[[int, int], None] | None:
+    return None if stage is None else lambda done, whole: stage(name, done, whole)
+
+
 def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Sampled:
-    success: Success | None
-    dies: tuple[DieOutcome, ...]
-    ledgers: tuple[Ledger, ...]
-    first_trial: Trial | None
-
-
-def start_key(seed: int, die: int) -> int:
-    """Key of the start on which a die is tried."""
-    stream = np.random.SeedSequence(seed, spawn_key=(START_STREAM, die))
-    return int(stream.generate_state(1, np.uint64)[0])
-
-
-def _sample(plan: Plan, arena: Arena, dies: int, seed: int, progress: Callable[[int, int], None] | None) -> _Sampled:
-    outcomes, ledgers = [], []
-    first_trial = None
-    controller = SpikingController(plan.network)
-    for die in range(dies):
-        key = start_key(seed, die)
-        ideal = run_trial(controller, arena, trial_key=key).solved
-        emulated = EmulatedController(plan.sample(seed=seed, die=die))
-        trial = run_trial(emulated, arena, trial_key=key)
-        ledger = emulated.ledger
-        ledgers.append(ledger)
-        outcomes.append(
-            DieOutcome(
-                die=die,
-                trial_key=key,
-                ideal=ideal,
-                hardware=trial.solved,
-                lost=ledger.lost,
-                spurious=ledger.spurious,
-                most_pulses=ledger.most_pulses,
-                worst_programming_time=ledger.worst_programming_time,
-            )
-        )
-        first_trial = trial if first_trial is None else first_trial
-        if progress is not None:
-            progress(die + 1, dies)
-    success = paired_success([one.ideal for one in outcomes], [one.hardware for one in outcomes]) if dies else None
-    return _Sampled(success=success, dies=tuple(outcomes), ledgers=tuple(ledgers), first_trial=first_trial)
-
-
-def _figures(plan: Plan, check: Agreement, sampled: _Sampled) -> tuple[f.Figure, ...]:
-    hardware = plan.hardware
-    ledgers = {"the nominal die": check.ledger, **{f"die {k}": one for k, one in enumerate(sampled.ledgers)}}
-    counted = sampled.ledgers or (check.ledger,)
-    found = (
-        f.event_fidelity(
-            hardware, sum(one.lost for one in counted), sum(one.spurious for one in counted),
-            sum(one.ideal_events for one in counted), len(sampled.ledgers),
-        ),
-        f.read_error(hardware, plan),
-        f.wake_up(hardware, check.disabled_weights),
-        f.useful_event_range(hardware, plan),
-        f.time_per_step(hardware, ledgers),
-        f.programming_power(hardware, ledgers),
-        f.energy_per_timestep(hardware, ledgers),
-        f.pulses_per_device(hardware, ledgers),
-        f.endurance(hardware, ledgers),
-        f.closed_loop_success(hardware, sampled.success),
-    )  # fmt: skip
-    return tuple(f.capped_by_cards(figure, plan) for figure in found)
-
-
-def _verdict(found: tuple[f.Figure, ...], exactness: Mapping[str, bool]) -> tuple[str, tuple[str, ...]]:
-    broken = [name for name, holds in exactness.items() if not holds]
-    if broken:
-        return f.FAIL, (f"exactness: {', '.join(broken)} does not hold, so the study is void.",)
-    rank = {f.FAIL: 0, f.MARGINAL: 1, f.NOT_RUN: 2, f.ASSUMED: 3}
-    binding = sorted(
-        (figure for figure in found if figure.status in rank),
-        key=lambda figure: (rank[figure.status], figure.margin if figure.margin is not None else 0.0),
-    )
-    if not binding:
-        return f.PASS, ()
-    verdict = f.FAIL if binding[0].status == f.FAIL else f.MARGINAL
-    # What only leaves a doubt is no reason for a FAIL, and the other form of one figure is no second reason.
-    reasons = [
-        figure
-        for figure in binding
-        if (verdict == f.MARGINAL or figure.status == f.FAIL) and figure.name not in OTHER_FORMS
-    ]
-    return verdict, tuple(figure.sentence for figure in reasons[:3])

@@ -109,7 +109,7 @@ def test_pairs_are_told_apart_by_their_files(run, net, tmp_path):
     other = tmp_path / "other.net.json"
     other.write_bytes(net.read_bytes().replace(b'"network"', b'"../../escape"'))
     run("evaluate", net, other, "--hardware", "hp_1t1r", "--dies", 0, "--out", tmp_path / "studies")
-    assert {p.name for p in (tmp_path / "studies").iterdir()} == {"small_hp_1t1r", "other_hp_1t1r"}
+    assert {p.name for p in (tmp_path / "studies").iterdir()} == {"small_hp_1t1r", "other_hp_1t1r", "comparison.json"}
     code, _, err = run("evaluate", net, net, "--hardware", "hp_1t1r", "--dies", 0, "--out", tmp_path / "twice")
     assert code == 2
     assert "got small_hp_1t1r twice" in one_line(err)
@@ -195,6 +195,23 @@ def test_evaluate_of_several_pairs(run, net):
     pairs = json.loads(out)["pairs"]
     assert [pair["provenance"]["hardware"] for pair in pairs] == ["hp_1t1r", "ideal"]
     assert all(pair["success"] is None for pair in pairs)
+
+
+def test_pairs_that_cannot_be_built_are_listed_last(run, net, tmp_path):
+    code, out, _ = run("evaluate", net, "--hardware", "peo_pani", "--hardware", "ideal", "--dies", 0, "--out", tmp_path)
+    assert code == 1
+    last = out.splitlines()[-1].split(maxsplit=2)
+    assert last[0] == "-"
+    assert last[2].endswith("cannot be built: no card for hp")
+    assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == {"small_ideal"}
+    rows = json.loads((tmp_path / "comparison.json").read_text())
+    assert [(row["rank"], row["hardware"]) for row in rows] == [(1, "ideal"), (None, "peo_pani")]
+
+
+def test_one_pair_that_cannot_be_built_is_an_error(run, net):
+    code, out, err = run("evaluate", net, "--hardware", "peo_pani", "--dies", 0)
+    assert (code, out) == (2, "")
+    assert "peo_pani: cards.hp: expected a device card, got none" in one_line(err)
 
 
 @pytest.mark.parametrize("suffix", ["png", "gif", "html"])

@@ -8,7 +8,7 @@ from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController, champion
 from ohmloom.sim import Agreement, Arena, Feasibility, agreement, feasibility, run_trial
 from ohmloom.sim.exactness import EXACT
-from ohmloom.sim.feasibility import start_key
+from ohmloom.sim.sampling import start_key
 
 NETWORK = Network.random(system="HET", rng=np.random.default_rng(3))
 SHORT = Arena(max_timesteps=60)
@@ -36,9 +36,9 @@ def test_exactness_is_checked_on_the_nominal_die(study):
 
 def test_figures_are_complete(study):
     assert [figure.name for figure in study.figures] == [
-        "event_fidelity", "read_error", "wake_up", "useful_event_range", "time_per_step", "programming_power",
-        "energy_per_timestep",
-        "pulses_per_device", "endurance", "closed_loop_success",
+        "event_fidelity", "weight_divergence", "threshold_margin", "read_error", "disturb", "wake_up",
+        "useful_event_range", "time_per_step", "programming_power", "energy_per_timestep", "pulses_per_device",
+        "endurance", "yield", "sensitivity", "closed_loop_success",
     ]  # fmt: skip
     assert all(figure.source and figure.detail for figure in study.figures)
 

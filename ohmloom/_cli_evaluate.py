@@ -1,0 +1,148 @@
+"""The verb `evaluate`: studies of networks on hardware, and how they compare."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from ohmloom._cli_map import HardwareHelp
+from ohmloom._files import write_atomic
+from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
+
+if TYPE_CHECKING:
+    from ohmloom.mapping import Hardware
+    from ohmloom.neurocontroller import Network
+    from ohmloom.sim import Feasibility
+
+COMPARISON = "comparison.json"
+
+
+def evaluate_networks(
+    nets: Annotated[list[Path], typer.Argument(metavar="NET...", help="Network files (*.net.json).")],
+    hardware: Annotated[list[str], typer.Option(help=HardwareHelp + " May be repeated.")],
+    dies: Annotated[int, typer.Option(min=0, help="Sampled pieces of hardware; 0: only what needs none.")] = 200,
+    starts: Annotated[int, typer.Option(min=1, help="Starts of each die.")] = 1,
+    study: Annotated[
+        Literal["default", "full"], typer.Option(help="full adds corners, sensitivity, requirements, lifetime.")
+    ] = "default",
+    workers: Annotated[int, typer.Option(min=1, help="Processes; they do not change the result.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Every random number follows from it.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for report.html, report.json and plan.json.")] = None,
+    json_: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+) -> None:
+    """Would this network work on this hardware, and why (not)? Exit code 0 for PASS, else 1."""
+    from ohmloom.mapping import Hardware, place
+    from ohmloom.neurocontroller import Network
+    from ohmloom.report.output import STUDY_FILES
+    from ohmloom.sim.comparison import not_built, rank_studies, why_not_built
+
+    pairs = [(net, name, Network.load(net), Hardware.load(name)) for net in nets for name in hardware]
+    refused = [why_not_built(network, spec) for _, _, network, spec in pairs]
+    if None not in refused:
+        place(pairs[0][2], pairs[0][3])  # refuses with the whole reason
+    folders = study_folders(out, nets, hardware)
+    for folder in folders:
+        check_folder(folder)
+        check_targets([folder / name for name in STUDY_FILES], [*nets, *map(Path, hardware)])
+    if len(pairs) > 1 and out is not None:
+        check_targets([out / COMPARISON], [*nets, *map(Path, hardware)])
+    found: list[Feasibility | Mapping[str, Any]] = []
+    for k, (net, name, network, spec) in enumerate(pairs):
+        reason = refused[k]
+        if reason is not None:
+            found.append(not_built(network, spec, reason))
+            say(f"{network.name} on {spec.name} cannot be built: {reason}")
+            continue
+        words = ["ohmloom", "evaluate", str(net), "--hardware", name, "--dies", str(dies), "--seed", str(seed)]
+        words += ["--starts", str(starts)] if starts > 1 else []
+        words += ["--study", study] if study != "default" else []
+        one = _study(network, spec, dies=dies, seed=seed, starts=starts, study=study, workers=workers)
+        found.append(one)
+        if folders:
+            _save(one, folders[k], shlex.join(words))
+        if not json_:
+            _print_study(one)
+    ranked = rank_studies(found)
+    tables = [one if isinstance(one, Mapping) else one.to_dict() for one in found]
+    if len(pairs) > 1 and out is not None:
+        write_atomic(out / COMPARISON, json.dumps(ranked, indent=1) + "\n")
+        say(f"wrote {out / COMPARISON}")
+    if json_:
+        print(json.dumps(tables[0] if len(pairs) == 1 else {"pairs": tables, "comparison": ranked}, indent=1))
+    elif len(pairs) > 1:
+        _print_comparison(ranked)
+    raise typer.Exit(0 if all(table["verdict"] == "PASS" for table in tables) else 1)
+
+
+def _study(
+    network: Network,
+    spec: Hardware,
+    *,
+    dies: int,
+    seed: int,
+    starts: int,
+    study: Literal["default", "full"],
+    workers: int,
+) -> Feasibility:
+    from ohmloom.sim import feasibility
+
+    more = f", {starts} starts each" if starts > 1 else ""
+    say(f"{network.name} on {spec.name}, {dies} dies{more}, seed {seed} (compiling at the first run)")
+    names = {0: "dies", 1: "sensitivity", 2: "corners"} if study == "full" else {0: "dies"}
+    keys = {name: key for key, name in names.items()}
+    with bars(names, dies) as update:
+        return feasibility(
+            network, spec, dies=dies, seed=seed, starts=starts, study=study, workers=workers,
+            progress=lambda done, _: update(0, done, ""),
+            stage=lambda name, done, whole: update(keys[name], done, "", whole),
+        )  # fmt: skip
+
+
+def _save(study: Feasibility, folder: Path, command: str) -> None:
+    from ohmloom.report.output import save_study
+
+    save_study(study, folder, command=command)
+    say(f"wrote {folder / 'report.html'} and {folder / 'report.json'}")
+
+
+def _print_study(study: Feasibility) -> None:
+    from ohmloom.units import format_quantity
+
+    names = study.provenance
+    print(f"{names['network']} on {names['hardware']}: {study.verdict}")
+    for reason in study.reasons:
+        print(f"  - {reason}")
+    for figure in study.figures:
+        value = "-" if figure.value is None else format_quantity(figure.value, figure.unit)
+        limit = "-" if figure.limit is None else format_quantity(figure.limit, figure.unit)
+        margin = "-" if figure.margin is None else f"{figure.margin:+.3g}"
+        print(f"  {figure.name:22}{value:>16}  limit {limit:>14}  margin {margin:>10}  {figure.status}")
+    if study.success is not None:
+        s = study.success
+        where = f"{s.n} starts" if s.dies == s.n else f"{s.n} starts of {s.dies} dies"
+        print(f"  goal reached from {s.hardware:.1%} of {where} on hardware, {s.ideal:.1%} ideal")
+    for row in study.requirements:
+        print(f"  {row['sentence']}")
+    for corner in study.corners:
+        reached = "" if corner["success"] is None else f", goal reached from {corner['success']['hardware']:.1%}"
+        print(f"  corner {corner['name']}: {corner['verdict']}{reached}")
+    held = ", ".join(f"{name} {'holds' if holds else 'DOES NOT HOLD'}" for name, holds in study.exactness.items())
+    print(f"  exactness: {held}")
+
+
+def _print_comparison(ranked: list[dict[str, Any]]) -> None:
+    nets = max(len(row["network"]) for row in ranked)
+    specs = max(len(row["hardware"]) for row in ranked)
+    for row in ranked:
+        rank = "-" if row["rank"] is None else row["rank"]
+        line = f"{rank:>3}  {row['network']:{nets}}  {row['hardware']:{specs}}  "
+        if row["rank"] is None:
+            print(f"{line}cannot be built: {row['reason']}")
+            continue
+        reached = "not sampled" if row["success"] is None else f"{row['success']:.1%} of {row['ideal']:.1%} ideal"
+        print(f"{line}{row['verdict']:9}{reached:>22}  {', '.join(row['failing']) or '-'}")

@@ -1,0 +1,141 @@
+"""Sampled dies: each drives the robot from starts of its own, beside the ideal controller from the same starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+
+from ohmloom.mapping import EmulatedController, Ledger, Plan
+from ohmloom.neurocontroller import SpikingController
+from ohmloom.sim.arena import Arena
+from ohmloom.sim.statistics import Success, clustered_success, paired_success
+from ohmloom.sim.trial import Trial, run_trial
+from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
+
+START_STREAM = 100  # beside the streams of ohmloom.mapping.die.EFFECTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class DieOutcome:
+    """One start of one sampled die: its key, whether the ideal controller and the hardware reached the goal, counts."""
+
+    die: int
+    trial_key: int
+    ideal: bool
+    hardware: bool
+    lost: int
+    spurious: int
+    most_pulses: int
+    worst_programming_time: float
+    start: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampled:
+    """What sampled dies did.
+
+    Attributes
+    ----------
+    success
+        Closed-loop success on paired starts, or None without dies.
+    outcomes, ledgers
+        One a start, die by die; what the die spent in that trial.
+    first_trial
+        Trial of the first die on its first start.
+    """
+
+    success: Success | None
+    outcomes: tuple[DieOutcome, ...]
+    ledgers: tuple[Ledger, ...]
+    first_trial: Trial | None
+
+
+def start_key(seed: int, die: int, start: int = 0) -> int:
+    """Key of a start on which a die is tried; that of the first does not depend on how many there are."""
+    stream = np.random.SeedSequence(seed, spawn_key=(START_STREAM, die, *((start,) if start else ())))
+    return int(stream.generate_state(1, np.uint64)[0])
+
+
+def sample_dies(
+    plan: Plan,
+    arena: Arena,
+    *,
+    dies: int,
+    seed: int,
+    starts: int = 1,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> Sampled:
+    """Try `dies` pieces of hardware on `starts` starts each; neither `workers` nor their order changes the result.
+
+    Raises
+    ------
+    OperationError
+        If a worker process dies, or the potentials of wires do not converge.
+    KeyboardInterrupt
+        After Ctrl-C, once the dies under way are done.
+    """
+    found: dict[int, list[tuple[DieOutcome, Ledger]]] = {}
+
+    def take(die: int, row: dict[str, float]) -> None:
+        found.setdefault(die, []).append(_from_row(die, row))
+        if progress is not None and len(found[die]) == starts:
+            progress(sum(len(one) == starts for one in found.values()), dies)
+
+    unit = _DieUnit(plan=plan, arena=arena, seed=seed, starts=starts)
+    with stop_on_interrupt() as stopped:
+        if dies:
+            run_units(unit, range(dies), workers=workers, stopped=stopped, report=take)
+        if stopped():
+            raise KeyboardInterrupt
+    outcomes = [outcome for die in sorted(found) for outcome, _ in found[die]]
+    ledgers = [ledger for die in sorted(found) for _, ledger in found[die]]
+    first = None
+    if dies:
+        first = run_trial(EmulatedController(plan.sample(seed=seed, die=0)), arena, trial_key=start_key(seed, 0))
+    return Sampled(
+        success=_success(outcomes, starts, seed) if outcomes else None,
+        outcomes=tuple(outcomes), ledgers=tuple(ledgers), first_trial=first,
+    )  # fmt: skip
+
+
+def _success(outcomes: Sequence[DieOutcome], starts: int, seed: int) -> Success:
+    ideal, hardware = [one.ideal for one in outcomes], [one.hardware for one in outcomes]
+    if starts == 1:
+        return paired_success(ideal, hardware)
+    return clustered_success(ideal, hardware, [one.die for one in outcomes], seed=seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _DieUnit:
+    """All starts of one die: the unit of work. A faster way to run many dies at once belongs in here."""
+
+    plan: Plan
+    arena: Arena
+    seed: int
+    starts: int
+
+    def __call__(self, item: int, stopped: Stopped, report: Report, /) -> bool:
+        ideal = SpikingController(self.plan.network)
+        emulated = EmulatedController(self.plan.sample(seed=self.seed, die=item))
+        for start in range(self.starts):
+            key = start_key(self.seed, item, start)
+            reached = run_trial(ideal, self.arena, trial_key=key).solved
+            trial = run_trial(emulated, self.arena, trial_key=key)
+            row = {"start": start, "trial_key": key, "ideal": reached, "hardware": trial.solved}
+            report(item, row | asdict(emulated.ledger))
+            if stopped():
+                return False
+        return True
+
+
+def _from_row(die: int, row: dict[str, float]) -> tuple[DieOutcome, Ledger]:
+    ledger = Ledger(**{f.name: row[f.name] for f in fields(Ledger)})  # type: ignore[arg-type]  # ints stay ints
+    outcome = DieOutcome(
+        die=die, start=int(row["start"]), trial_key=int(row["trial_key"]), ideal=bool(row["ideal"]),
+        hardware=bool(row["hardware"]), lost=ledger.lost, spurious=ledger.spurious, most_pulses=ledger.most_pulses,
+        worst_programming_time=ledger.worst_programming_time,
+    )  # fmt: skip
+    return outcome, ledger

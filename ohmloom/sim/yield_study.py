@@ -1,0 +1,106 @@
+"""Yield curves: the share of dies without a synapse on a fault, over the rate of faults, by repair and spare lines."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ohmloom.errors import expect_integer
+from ohmloom.mapping import Plan, tile_grid
+from ohmloom.mapping.grid import PARTNER, REFERENCE, SYNAPSE
+from ohmloom.mapping.plan_yield import fault_probabilities
+from ohmloom.mapping.repair import repair, unrepaired
+from ohmloom.mapping.yield_ import draw_faults, wilson
+
+CURVE_STREAM = 102  # beside YIELD_STREAM
+FAULT_RATES = (0.001, 0.01, 0.05, 0.1)
+SPARES = ((0, 0), (1, 1), (2, 2), (4, 4))  # rows, columns of every tile
+# Where a spec does not say how faults divide: MNSIM 2.0, SimConfig.ini, Device_SAF = 9, 1.
+STUCK_ON_SHARE = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class YieldPoint:
+    """Share of dies on which every tile works, with its Wilson 95 % interval.
+
+    Attributes
+    ----------
+    fault_rate
+        Probability that a cell is stuck, in the spec's proportion of on and off (by default 1 to 9).
+    repair
+        ``none``: lines stay where they were placed; ``permuted``: rows and columns are permuted, onto spare lines too.
+    spare_rows, spare_columns
+        Of every tile.
+    value, interval, n
+        Share, interval, sampled dies.
+    """
+
+    fault_rate: float
+    repair: str
+    spare_rows: int
+    spare_columns: int
+    value: float
+    interval: tuple[float, float]
+    n: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self) | {"interval": list(self.interval)}
+
+
+def yield_curves(
+    plan: Plan,
+    *,
+    dies: int = 100,
+    seed: int = 0,
+    rates: tuple[float, ...] = FAULT_RATES,
+    spares: tuple[tuple[int, int], ...] = SPARES,
+) -> tuple[YieldPoint, ...]:
+    """Yield of a plan over the rate of faults, without repair and with it, on so many spare lines.
+
+    The same dies come back at every rate with the same draws, so that a curve falls because of the rate alone. With
+    repair a point is a lower bound, since repair is a heuristic.
+
+    Raises
+    ------
+    ParameterError
+        If `dies` is no integer >= 1, or `seed` is negative.
+    """
+    dies, seed = expect_integer("yield_curves.dies", dies, 1), expect_integer("yield_curves.seed", seed)
+    demands = [_demand(plan, t) for t in range(len(plan.tiles))]
+    declared = fault_probabilities(plan.hardware)
+    on = STUCK_ON_SHARE if declared is None else declared[0] / sum(declared)
+    points = []
+    for rate in rates:
+        counts = {("none", 0, 0): 0, **{("permuted", *pair): 0 for pair in spares}}
+        for die in range(dies):
+            for kind, rows, columns in counts:
+                counts[kind, rows, columns] += all(
+                    _works(demand, rate, on, kind, rows, columns, (seed, die, t)) for t, demand in enumerate(demands)
+                )
+        points += [
+            YieldPoint(fault_rate=rate, repair=kind, spare_rows=rows, spare_columns=columns, value=good / dies,
+                       interval=wilson(good, dies), n=dies)
+            for (kind, rows, columns), good in counts.items()
+        ]  # fmt: skip
+    return tuple(points)
+
+
+def _works(demand: Any, rate: float, on: float, kind: str, rows: int, columns: int, key: tuple[int, int, int]) -> bool:
+    seed, die, tile = key
+    shape = (demand.shape[0] + rows, demand.shape[1] + columns)
+    stream = np.random.SeedSequence(seed, spawn_key=(CURVE_STREAM, die, tile, rows, columns))
+    of_faults, of_starts = (np.random.default_rng(one) for one in stream.spawn(2))
+    faults = draw_faults(shape, stuck_on=rate * on, stuck_off=rate * (1.0 - on), rng=of_faults)
+    found = unrepaired(faults, demand) if kind == "none" else repair(faults, demand, rng=of_starts)
+    return found.is_complete
+
+
+def _demand(plan: Plan, t: int) -> Any:
+    """Whether a device must work there, axes (row, column), without the spare lines that the plan has."""
+    tile = plan.tiles[t]
+    cell = tile_grid(plan, t).cell[: len(tile.rows)]
+    built = np.delete(cell, np.arange(len(tile.columns), len(tile.columns) + tile.spare_columns), axis=1)
+    return np.isin(built, (SYNAPSE, PARTNER, REFERENCE))
