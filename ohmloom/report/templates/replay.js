@@ -3,8 +3,8 @@
 // (element with parts, data), what is drawn; keys are taken from `keys`.
 const replayPlayer = (root, sides, keys) => {
   const el = (part) => root.querySelector(`[data-part="${part}"]`);
-  const views = sides.map(([side, data]) => replayDrawing(data, side));
-  const timesteps = Math.max(...views.map((view) => view.data.timesteps));
+  const timesteps = Math.max(...sides.map(([, data]) => data.timesteps));
+  const views = sides.map(([side, data]) => replayDrawing(data, side, timesteps));
   const MS_PER_TIMESTEP = 32;
   let row = 0, playing = false, last = 0, owed = 0;
 
@@ -60,7 +60,7 @@ const replayPlayer = (root, sides, keys) => {
     const { names, steps } = view.data, raster = view.el("raster"), bars = view.el("weights");
     const rasterAt = (event) => {
       const box = raster.getBoundingClientRect(), { width, left, pitch, count } = view.rasterPlace();
-      const t = Math.floor((event.clientX - box.left - left) / (width - left) * view.data.timesteps);
+      const t = Math.floor((event.clientX - box.left - left) / (width - left) * timesteps);
       return [Math.min(view.data.timesteps - 1, Math.max(0, t)),
         Math.min(count - 1, Math.floor((event.clientY - box.top) / pitch))];
     };

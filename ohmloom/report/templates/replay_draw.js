@@ -1,6 +1,7 @@
 "use strict";
 // Draws one controller's trial at one row of its path into the parts of `root`; owns nothing but sizes and colours.
-const replayDrawing = (data, root) => {
+// The axis of time is `span` timesteps long, so that trials beside each other share it.
+const replayDrawing = (data, root, span) => {
   const { arena, names, colours, timesteps } = data;
   const el = (part) => root.querySelector(`[data-part="${part}"]`);
   const unpack = ({ unit, columns, codes }) => {
@@ -198,7 +199,8 @@ const replayDrawing = (data, root) => {
   };
   // One column per pixel, the mean of the timesteps that fall on it, so that nothing is skipped.
   const buildRaster = () => {
-    const { width, left } = rasterPlace(), columns = Math.max(1, Math.round(Math.min(timesteps, width - left)));
+    const { width, left } = rasterPlace(), shown = (width - left) * timesteps / span;
+    const columns = Math.max(1, Math.round(Math.min(timesteps, shown)));
     const rows = Math.max(1, spikes.columns);
     rasterImage = document.createElement("canvas");
     rasterImage.width = columns;
@@ -216,7 +218,7 @@ const replayDrawing = (data, root) => {
   const drawRaster = (row) => {
     const { width, count, pitch, left, height } = rasterPlace(), g = fit(el("raster"), height + 18);
     g.imageSmoothingEnabled = false;
-    g.drawImage(rasterImage, left, 0, width - left, height);
+    g.drawImage(rasterImage, left, 0, (width - left) * timesteps / span, height);
     g.fillStyle = theme.soft;
     g.font = Math.min(11, pitch - 1) + "px system-ui, sans-serif";
     g.textAlign = "right";
@@ -233,9 +235,9 @@ const replayDrawing = (data, root) => {
     g.font = "11px system-ui, sans-serif";
     for (const share of [0, 0.5, 1]) {
       g.textAlign = share === 0 ? "left" : share === 1 ? "right" : "center";
-      g.fillText(Math.round(share * timesteps) + "", left + share * (width - left), height + 10);
+      g.fillText(Math.round(share * span) + "", left + share * (width - left), height + 10);
     }
-    const x = left + (width - left) * Math.min(row + 0.5, timesteps) / timesteps;
+    const x = left + (width - left) * Math.min(row + 0.5, timesteps) / span;
     g.strokeStyle = colours.ir;
     g.lineWidth = 2;
     g.beginPath();
