@@ -119,26 +119,33 @@ def tiles(study: Feasibility, known: DeviceValues | None) -> list[tuple[str, str
     found = []
     for k, tile in enumerate(plan.tiles):
         name = f"{tile.kind} tile" + (f" {k}" if sum(t.kind == tile.kind for t in plan.tiles) > 1 else "")
-        here = [point.synapse for point in plan.crosspoints if point.tile == k]
-        views: list[tuple[str, Callable[[], Figure]]] = [
-            ("Conductance as programmed", partial(_conductance, plan, k, None))
-        ]
-        if known.end_conductance is not None:
-            views.append((f"Conductance after one trial, {known.end_name}",
-                          partial(_conductance, plan, k, known.end_conductance)))  # fmt: skip
-        for values, caption, label, unit in (
-            (known.error, "Read error by IR drop, all rows read at once, plastic devices at G_on; the worst framed",
-             "share of the read voltage lost", "%"),
-            (known.pulses, f"Write pulses in one trial, {known.end_name}; the busiest framed", "pulses", "pulses"),
-        ):  # fmt: skip
-            if values is not None and values[here].any():
-                views.append((caption, partial(_values, plan, k, np.asarray(values, dtype=float), label, unit)))
         pictures = [
-            (caption, page_svg(draw, f"tile{k}{'abcd'[n]}", f"{name}: {caption}", map_index=k))
-            for n, (caption, draw) in enumerate(views)
+            (caption, page_svg(draw, f"tile{k}-{key}", f"{name}: {caption}", map_index=k))
+            for key, caption, draw in tile_views(plan, k, known)
         ]
         found.append((name, KINDS[tile.kind], pictures))
     return found
+
+
+def tile_views(plan: Plan, index: int, known: DeviceValues) -> list[tuple[str, str, Callable[[], Figure]]]:
+    """Key, caption and drawing of each map of a tile."""
+    here = [point.synapse for point in plan.crosspoints if point.tile == index]
+    views: list[tuple[str, str, Callable[[], Figure]]] = [
+        ("programmed", "Conductance as programmed", partial(_conductance, plan, index, None))
+    ]
+    if known.end_conductance is not None:
+        views.append(("after", f"Conductance after one trial, {known.end_name}",
+                      partial(_conductance, plan, index, known.end_conductance)))  # fmt: skip
+    for key, values, caption, label, unit in (
+        ("drop", known.error, "Read error by IR drop, all rows read at once, plastic devices at G_on; the worst framed",
+         "share of the read voltage lost", "%"),
+        ("pulses", known.pulses, f"Write pulses in one trial, {known.end_name}; the busiest framed", "pulses",
+         "pulses"),
+    ):  # fmt: skip
+        if values is not None and values[here].any():
+            draw = partial(_values, plan, index, np.asarray(values, dtype=float), label, unit)
+            views.append((key, caption, draw))
+    return views
 
 
 def hover(study: Feasibility, known: DeviceValues | None) -> list[dict[str, Any]]:

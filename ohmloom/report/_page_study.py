@@ -50,11 +50,10 @@ def _figure(ax: Axes) -> Figure:
 def _success_pictures(study: Feasibility) -> list[Markup]:
     if len(study.dies) < 2:
         return []
+    running = plots.running_success(study)
     return [
-        page_svg(
-            lambda: _figure(plots.plot_success(study)), "success", "Fractions that reached the goal, over the dies"
-        ),
-        page_svg(lambda: _figure(plots.plot_difference(study)), "difference", "Paired difference, over the dies"),
+        _svg(plots.plot_success, running, key="success", label="Fractions that reached the goal, over the dies"),
+        _svg(plots.plot_difference, running, key="difference", label="Paired difference, over the dies"),
     ]
 
 
@@ -108,8 +107,9 @@ def _sensitivity(found: Mapping[str, Any]) -> dict[str, Any]:
     sobol: Sequence[Mapping[str, Any]] = found.get("sobol") or ()
     convergence = found.get("convergence") or ()
     return {
-        "output": found["output"], "trajectories": found["trajectories"], "rows": rows,
-        "picture": _svg(plots.plot_sensitivity, found, key="morris", label="Sensitivity: mu* of each factor"),
+        "output": found["output"], "trajectories": found["trajectories"], "table": rows,
+        "picture": _svg(plots.plot_sensitivity, found, key="morris", label="Sensitivity: mu* of each factor")
+        if factors else None,
         "sobol": [
             {"name": one["name"],
              "first": f"{one['first']:.2g}, {one['first_interval'][0]:.2g} to {one['first_interval'][1]:.2g}",

@@ -28,11 +28,11 @@ CONTENTS: Final = {
 }  # fmt: skip
 
 
-def write_report(study: Feasibility, path: Path | str, *, command: str, run: DieRun | None = None) -> None:
+def write_report(study: Feasibility, path: Path | str, *, command: str) -> None:
     """Write the report: verdict and reasons, figures, replay, success, curves, crossbars, exactness, sources.
 
     Style, script and pictures are inside the file. The same study and command give the same bytes with the same
-    matplotlib.
+    matplotlib. The trial of the study's first die is run once more, for what a study does not keep of it.
 
     Parameters
     ----------
@@ -42,24 +42,22 @@ def write_report(study: Feasibility, path: Path | str, *, command: str, run: Die
         Where to; replaced as a whole.
     command
         The command line that makes the study again, shown as text.
-    run
-        The recorded trial of the study's first die, if it is at hand; else it is run again.
 
     Raises
     ------
     OperationError
         If the file cannot be written.
     """
-    write_atomic(path, report_page(study, command=command, run=run))
+    write_atomic(path, report_page(study, command=command))
 
 
-def report_page(study: Feasibility, *, command: str, run: DieRun | None = None) -> str:
-    """Compose the page that `write_report` writes."""
+def report_page(study: Feasibility, *, command: str, runs: tuple[Run | None, DieRun | None] | None = None) -> str:
+    """Compose the page that `write_report` writes; `runs`, the ideal and the die's, saves running these again."""
     from markupsafe import Markup
 
+    ideal, die = (ideal_run(study), die_run(study)) if runs is None else runs
+
     scripts = [template(name) for name in ("replay_draw.js", "replay.js", "report.js")]
-    ideal = ideal_run(study)
-    die = die_run(study) if run is None else run
     page = render(
         "report.html",
         style=Markup(template("report.css") + template("replay_parts.css")),

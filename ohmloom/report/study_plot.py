@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ohmloom.report._replay_data import INK
 from ohmloom.sim import Feasibility, Figure
 from ohmloom.sim.figures import MARGINAL_BELOW, NON_INFERIORITY
-from ohmloom.sim.statistics import paired_success
+from ohmloom.sim.statistics import Success, clustered_success, paired_success
 from ohmloom.units import format_quantity
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ STATUS_COLOURS: Final = {"PASS": "#17703b", "MARGINAL": "#e69f00", "ASSUMED": "#
 LIMIT_COLOUR: Final = "#c03a2b"
 FARTHEST: Final = 1e4  # times from the limit; what is farther stands at the edge
 SMALL: Final = 8
+MOST_POINTS, MOST_BOOTSTRAPS = 100, 20  # of a running comparison
 
 
 def share_of_limit(figure: Figure) -> float | None:
@@ -66,36 +67,50 @@ def plot_margins(figures: Sequence[Figure], ax: Axes | None = None) -> Axes:
     return _bare(ax)
 
 
-def plot_success(study: Feasibility, ax: Axes | None = None) -> Axes:
+def running_success(study: Feasibility) -> list[Success]:
+    """The comparison as it stood after so many dies, at most some hundred times, the last the study's own."""
+    dies = sorted({one.die for one in study.dies})
+    is_clustered = any(one.start for one in study.dies)
+    # A bootstrap takes its time.
+    step = max(1, len(dies) // (MOST_BOOTSTRAPS if is_clustered else MOST_POINTS))
+    found = []
+    for n in sorted({*range(step, len(dies) + 1, step), len(dies)}):
+        tried = [one for one in study.dies if one.die <= dies[n - 1]]
+        ideal, hardware = [one.ideal for one in tried], [one.hardware for one in tried]
+        if is_clustered:
+            seed = int(study.provenance.get("seed", 0))
+            found.append(clustered_success(ideal, hardware, [one.die for one in tried], seed=seed))
+        else:
+            found.append(paired_success(ideal, hardware))
+    return found
+
+
+def plot_success(running: Sequence[Success], ax: Axes | None = None) -> Axes:
     """Draw the fractions that reached the goal, with their intervals, as the dies come in."""
     ax = _axes(ax, 5.2, 3.2)
-    ideal, hardware = ([getattr(die, name) for die in study.dies] for name in ("ideal", "hardware"))
-    counts = _counts(len(ideal))
-    found = [paired_success(ideal[:n], hardware[:n]) for n in counts]
+    dies = [one.dies for one in running]
     for name, colour in (("ideal", IDEAL_COLOUR), ("hardware", HARDWARE_COLOUR)):
-        bounds = np.array([getattr(one, f"{name}_interval") for one in found])
-        ax.fill_between(counts, bounds[:, 0], bounds[:, 1], color=colour, alpha=0.18, linewidth=0)
-        ax.plot(counts, [getattr(one, name) for one in found], color=colour, linewidth=2,
+        bounds = np.array([getattr(one, f"{name}_interval") for one in running])
+        ax.fill_between(dies, bounds[:, 0], bounds[:, 1], color=colour, alpha=0.18, linewidth=0)
+        ax.plot(dies, [getattr(one, name) for one in running], color=colour, linewidth=2,
                 linestyle="-" if name == "ideal" else "--", gid=f"success {name}", label=name)  # fmt: skip
-    ax.set(xlim=(0, counts[-1]), ylim=(-0.03, 1.03), xlabel="dies tried", ylabel="reached the goal")
+    ax.set(xlim=(0, dies[-1]), ylim=(-0.03, 1.03), xlabel="dies tried", ylabel="reached the goal")
     return _legend(ax)
 
 
-def plot_difference(study: Feasibility, ax: Axes | None = None) -> Axes:
+def plot_difference(running: Sequence[Success], ax: Axes | None = None) -> Axes:
     """Draw the paired difference, hardware less ideal, with its interval, as the dies come in."""
     ax = _axes(ax, 5.2, 3.2)
-    ideal, hardware = ([getattr(die, name) for die in study.dies] for name in ("ideal", "hardware"))
-    counts = _counts(len(ideal))
-    found = [paired_success(ideal[:n], hardware[:n]) for n in counts]
-    bounds = 100.0 * np.array([one.interval for one in found])
-    ax.fill_between(counts, bounds[:, 0], bounds[:, 1], color=HARDWARE_COLOUR, alpha=0.18, linewidth=0,
+    dies = [one.dies for one in running]
+    bounds = 100.0 * np.array([one.interval for one in running])
+    ax.fill_between(dies, bounds[:, 0], bounds[:, 1], color=HARDWARE_COLOUR, alpha=0.18, linewidth=0,
                     label="95 % interval")  # fmt: skip
-    ax.plot(counts, [100.0 * (one.hardware - one.ideal) for one in found], color=HARDWARE_COLOUR, linewidth=2,
+    ax.plot(dies, [100.0 * (one.hardware - one.ideal) for one in running], color=HARDWARE_COLOUR, linewidth=2,
             gid="difference", label="hardware less ideal")  # fmt: skip
     ax.axhline(
         100.0 * NON_INFERIORITY, color=LIMIT_COLOUR, linewidth=1.2, linestyle=":", label="limit of its lower end"
     )
-    ax.set(xlim=(0, counts[-1]), xlabel="dies tried", ylabel="difference [points]")
+    ax.set(xlim=(0, dies[-1]), xlabel="dies tried", ylabel="difference [points]")
     return _legend(ax)
 
 
@@ -192,12 +207,6 @@ def factor_range(factor: Mapping[str, Any]) -> str:
     """The range that a factor was varied over, with its unit."""
     low, high = (format_quantity(float(factor[end]), factor["unit"]) for end in ("low", "high"))
     return f"{low} to {high}"
-
-
-def _counts(n: int) -> list[int]:
-    """At most about 100 numbers of dies, the last included."""
-    step = max(1, n // 100)
-    return sorted({*range(step, n + 1, step), n})
 
 
 def _axes(ax: Axes | None, width: float, height: float) -> Axes:
