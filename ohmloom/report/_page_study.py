@@ -73,8 +73,10 @@ def _yield_row(row: Mapping[str, Any]) -> list[Cell]:
 
 def _corner_row(row: Mapping[str, Any]) -> dict[str, Any]:
     success, figures = row["success"], row["figures"]
-    broken = [one["name"] for one in figures if one["status"] == "FAIL"]
-    near = [one["name"] for one in figures if one["status"] == "MARGINAL"]
+    broken, near = (
+        [one["name"] for one in figures if one["status"] == status] if figures else None
+        for status in ("FAIL", "MARGINAL")
+    )
     words = "–"
     if isinstance(success, Mapping):
         low, high = success["interval"]
