@@ -59,9 +59,7 @@ def plot_tile(plan: Plan, tile: int, *, conductances: npt.ArrayLike | None = Non
     """
     from matplotlib.figure import Figure
 
-    if not 0 <= tile < len(plan.tiles):
-        raise ParameterError(f"plot_tile.tile: expected an index from 0 to {len(plan.tiles) - 1}, got {tile}. "
-                             f"The plan has {len(plan.tiles)} tiles.")  # fmt: skip
+    _check_tile("plot_tile", plan, tile)
     values = _conductances(plan, conductances)
     if ax is None:
         ax = Figure(figsize=_inches(plan.tiles[tile]), layout="constrained").add_subplot()
@@ -88,6 +86,12 @@ def plot_plan(plan: Plan) -> Figure:
     figure.suptitle(f"{plan.network.name} on {plan.hardware.name}: a spike enters on a row, and every device on it "
                     "adds a current to its column", fontsize=10, parse_math=False)  # fmt: skip
     return figure
+
+
+def _check_tile(where: str, plan: Plan, tile: int) -> None:
+    if not 0 <= tile < len(plan.tiles):
+        raise ParameterError(f"{where}.tile: expected an index from 0 to {len(plan.tiles) - 1}, got {tile}. "
+                             f"The plan has {len(plan.tiles)} tiles.")  # fmt: skip
 
 
 def _conductances(plan: Plan, given: npt.ArrayLike | None) -> FloatArray:
@@ -165,17 +169,25 @@ def plot_tile_values(
         Synapses to put a frame around.
     ax
         Axes to draw into; without it, those of a new figure.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such tile, or a value is missing or negative.
     """
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
+    _check_tile("plot_tile_values", plan, tile)
     made = plan.tiles[tile]
     if ax is None:
         ax = Figure(figsize=_inches(made), layout="constrained").add_subplot()
     given = frozen_array("plot_tile_values.values", values, (f"synapse={len(plan.crosspoints)}",))
     points = [point for point in plan.crosspoints if point.tile == tile]
     shown = given[[point.synapse for point in points]]
+    if not (shown >= 0.0).all():
+        raise ParameterError(f"plot_tile_values.values: expected numbers >= 0, got {shown.min():g}. Correct them.")
     high = float(shown.max(initial=0.0)) or 1.0
     _draw_lines(made, ax)
     cells = _squares([(point.column, point.row) for point in points], shown, Normalize(0.0, high), ax, "devices", INK,

@@ -130,7 +130,7 @@ def plot_yield(rows: Sequence[Mapping[str, Any]], ax: Axes | None = None) -> Axe
                 linestyle="--" if repair == "none" else "-", gid=f"yield {k}",
                 label=f"{how}, {spare_rows} + {spare_columns} spare lines")  # fmt: skip
         ax.fill_between(rate, low, high, color=colour, alpha=0.15, linewidth=0)
-    ax.set(ylim=(-0.03, 1.03), xlabel="stuck devices [%]", ylabel="dies without a faulty synapse")
+    ax.set(ylim=(-0.03, 1.03), xlabel="faulty devices [%]", ylabel="dies without a faulty synapse")
     return _legend(ax)
 
 
