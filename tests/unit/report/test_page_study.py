@@ -55,14 +55,21 @@ def test_every_link_of_the_page_leads_somewhere(full_page: str) -> None:
     assert wanted <= set(re.findall(r'<section id="([^"]+)"', full_page))
 
 
-def test_yields_corners_requirements_and_lifetimes_stand_with_their_numbers(full_page: str) -> None:
+def test_yields_corners_requirements_and_lifetimes_stand_with_their_numbers(
+    full_page: str, full_study: Feasibility
+) -> None:
     yields = section(full_page, "yield")
     assert "5 % lines permuted 2 + 2 92.5 % 86.5 % to 97.5 % 120" in yields
     assert "10 % none 0 + 0 10 %" in yields
     corners = section(full_page, "corners")
     assert "typical every value as the spec has it MARGINAL" in corners
     assert "cannot be built: no card FAIL – – –" in corners
-    assert "time_per_step none" in corners
+    broken, near = (
+        " ".join(figure.name for figure in full_study.figures if figure.status == status) or "none"
+        for status in ("FAIL", "MARGINAL")
+    )
+    assert "time_per_step" in broken
+    assert f" {broken} {near} " in corners
     requirements = section(full_page, "requirements")
     assert "time_per_step drive.pulse_voltage 1 V 3.21 V time_per_step passes with" in requirements
     assert "1 V – no value helps" in requirements
