@@ -22,11 +22,16 @@ BITMAP_DPI: Final = 200
 PAGE_COLOURS: Final = {
     "#000000": "currentColor", "#222222": "currentColor", "#ffffff": "var(--paper)", "#d9efdf": "var(--goal)",
     "#e4e7ee": "var(--start)", "#d6d6d6": "var(--wall)", "#555555": "var(--soft)", "#c03a2b": "var(--bad)",
+    "#2a76c6": "var(--blue)", "#8a9099": "var(--wire)", "#17703b": "var(--good)", "#8a5a00": "var(--warn)",
 }  # fmt: skip
 
 
-def page_svg(draw: Callable[[], Figure], key: str, label: str) -> Markup:
-    """Draw a figure and give its SVG element; `key` keeps its ids apart, `label` is read out to the blind."""
+def page_svg(draw: Callable[[], Figure], key: str, label: str, *, map_index: int | None = None) -> Markup:
+    """Draw a figure and give its SVG element; `key` keeps its ids apart, `label` is read out to the blind.
+
+    With `map_index`, the page's script shows the values under the pointer: the element says where its first axes have
+    (0, 0) and how far it is to (1, 1), in its own units.
+    """
     import matplotlib
 
     with matplotlib.rc_context(), warnings.catch_warnings():
@@ -41,7 +46,15 @@ def page_svg(draw: Callable[[], Figure], key: str, label: str) -> Markup:
                     artist.set_rasterized(True)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", dpi=BITMAP_DPI, transparent=True, metadata={"Date": None})
-    return _inside_page(buffer.getvalue(), key, label)
+    return _inside_page(buffer.getvalue(), key, label, "" if map_index is None else _frame(figure, map_index))
+
+
+def _frame(figure: Figure, map_index: int) -> str:
+    to_figure = figure.axes[0].transData + figure.transFigure.inverted()
+    (x0, y0), (x1, y1) = to_figure.transform([(0.0, 0.0), (1.0, 1.0)])
+    width, height = 72.0 * figure.get_size_inches()  # an SVG's unit is the point
+    place = f"{x0 * width:.2f} {(1 - y0) * height:.2f} {(x1 - x0) * width:.4f} {(y0 - y1) * height:.4f}"
+    return f' data-map="{map_index}" data-frame="{place}" tabindex="0"'
 
 
 def _vertices(artist: Artist) -> int:
@@ -52,7 +65,7 @@ def _vertices(artist: Artist) -> int:
     return sum(np.shape(path.vertices)[0] for path in artist.get_paths())
 
 
-def _inside_page(text: str, key: str, label: str) -> Markup:
+def _inside_page(text: str, key: str, label: str, more: str) -> Markup:
     head = re.search(r'<svg[^>]*viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>', text)
     assert head is not None
     width, height = float(head[1]), float(head[2])
@@ -62,6 +75,7 @@ def _inside_page(text: str, key: str, label: str) -> Markup:
     for drawn, shown in PAGE_COLOURS.items():
         body = body.replace(drawn, shown)
     # Wide figures scroll on a phone rather than shrink until their text cannot be read.
-    size = f"min-width: {0.8 * width:.0f}px; max-width: {1.6 * width:.0f}px"
-    start = f'<svg role="img" aria-label="{escape(label)}" viewBox="0 0 {width:g} {height:g}" style="{size}">'
+    least = 1.05 if more else 0.82
+    size = f"min-width: {least * width:.0f}px; max-width: {1.5 * width:.0f}px"
+    start = f'<svg role="img" aria-label="{escape(label)}"{more} viewBox="0 0 {width:g} {height:g}" style="{size}">'
     return Markup(start + "".join(line.strip() + "\n" for line in body.splitlines()))

@@ -11,13 +11,20 @@ from ohmloom.sim.statistics import Success, pairs_needed
 
 FIGURES: Final = {
     "event_fidelity": "Learning events lost or invented",
+    "weight_divergence": "Distance of the weights from the model's",
+    "threshold_margin": "Pulses on the wrong side of the threshold",
+    "read_error": "Read voltage lost on the wires",
+    "disturb": "Learning by reads and half-selects",
+    "wake_up": "Weight of crossings without a synapse",
     "useful_event_range": "Learning events over the useful range",
     "time_per_step": "Time for one step",
     "programming_power": "Power in real time",
     "energy_per_timestep": "Energy for one timestep",
     "pulses_per_device": "Pulses on the busiest device",
     "endurance": "Trials until the busiest device wears out",
+    "yield": "Dies without a faulty synapse",
     "closed_loop_success": "Success, hardware less ideal: lower 95 % bound",
+    "sensitivity": "Largest effect of a spread",
 }
 STATUSES: Final = {
     "PASS": "keeps its limit with at least 20 % to spare",
@@ -28,8 +35,17 @@ STATUSES: Final = {
 }
 EXACTNESS: Final = {
     "rule_table": "The write pulses change a device exactly when the learning rule asks for it, and in its direction.",
+    "pair_histories": "All pairs of eight-step spike trains give the same events by pulses and by the rule.",
+    "current_pulse": "A current pulse, integrated, moves the charge by one event, and not beyond the ends.",
+    "voltage_pulse": "A pulse of fixed voltage, integrated, ends where the closed form says.",
+    "exact_width_pulse": "A voltage pulse of the computed width, integrated, moves the charge by one event.",
     "lattice": "Each device card gives the network's weights, level by level.",
     "network_charge": "Over a whole trial every neuron of the hardware spikes exactly when the ideal network's does.",
+    "network_flux": "Driven by fixed-voltage pulses, the hardware spikes exactly as the flux-discrete model does.",
+    "wire_limit": "The read errors vanish in proportion to the resistance of the wires.",
+    "ladder": "One word line draws the current of the continued fraction.",
+    "column_serial_delay": "Columns that are read one after the other see every spike after its delay.",
+    "kirchhoff": "All current that enters the word lines leaves through the bit lines.",
 }
 
 

@@ -46,36 +46,53 @@ def replay_html(recording: Recording, arena: ArenaView, path: Path | str) -> Non
 
 def replay_page(recording: Recording, arena: ArenaView) -> str:
     """Compose the page that `replay_html` writes."""
-    import jinja2
     from markupsafe import Markup
 
-    folder = resources.files("ohmloom.report") / "templates"
-    template, script, drawing, style = (
-        folder.joinpath(name).read_text(encoding="utf-8")
-        for name in ("replay.html", "replay.js", "replay_draw.js", "replay.css")
-    )
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    return environment.from_string(template).render(
+    return render(
+        "replay.html",
         name=recording.network_name,
         summary=recording.summary,
         last_row=recording.timesteps,
         actions=ACTIONS,
-        kinds={kind: (KINDS[kind], len(index)) for kind, index in recording.kinds.items()},
+        kinds=kind_legend(recording),
         ir_colour=IR_COLOUR,
         light_colour=LIGHT_COLOUR,
-        script=Markup(script),
-        drawing=Markup(drawing),
-        style=Markup(style),
-        data=Markup(_json(_data(recording, arena))),
+        script=Markup(template("replay.js")),
+        drawing=Markup(template("replay_draw.js")),
+        style=Markup(template("replay.css") + template("replay_parts.css")),
+        data=Markup(json_text(replay_data(recording, arena))),
     )
 
 
-def _data(recording: Recording, arena: ArenaView) -> dict[str, Any]:
+def template(name: str) -> str:
+    """Text of a file of the templates."""
+    return (resources.files("ohmloom.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def render(page: str, /, **context: Any) -> str:
+    """Fill a template; whatever is not markup is escaped, and what is missing is an error."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(template), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    return environment.get_template(page).render(**context).lstrip("\n")
+
+
+def kind_legend(recording: Recording) -> dict[str, tuple[str, int]]:
+    """Colour and number of the synapses of each kind."""
+    return {kind: (KINDS[kind], len(index)) for kind, index in recording.kinds.items()}
+
+
+def replay_data(recording: Recording, arena: ArenaView, *, most_weights: int | None = None) -> dict[str, Any]:
+    """What the player's script draws; at most so many rows of weights, evenly apart, if a number is given."""
     trial = recording.trial
     path = np.array(trial.path, dtype=np.float64)
     path[:, 2] = np.remainder(path[:, 2] + np.pi, 2 * np.pi) - np.pi  # small enough to be packed
     extra = np.diff(np.asarray(trial.st, dtype=np.int64)) - 1
     order = [int(i) for index in recording.kinds.values() for i in index]
+    stride = 1 if most_weights is None else max(1, -(-recording.timesteps // most_weights))
     return {
         "arena": {
             "half": float(arena.half_width),
@@ -90,6 +107,7 @@ def _data(recording: Recording, arena: ArenaView) -> dict[str, Any]:
         },
         "timesteps": recording.timesteps,
         "steps": STEPS,
+        "stride": stride,
         "path": _packed(path, 1e-4),
         "sensors": _packed(trial.sensors, 1e-4),
         "actions": "".join(str(int(action)) for action in trial.actions),
@@ -97,7 +115,7 @@ def _data(recording: Recording, arena: ArenaView) -> dict[str, Any]:
         "bumps": bump_rows(trial).tolist(),
         "extra": [[int(row), int(extra[row])] for row in np.flatnonzero(extra)],
         "spikes": _packed(recording.spikes, 1.0),
-        "weights": _packed(recording.weights[:, order], 1e-4),
+        "weights": _packed(recording.weights[::stride, order], 1e-4),
         "names": {
             "actions": list(ACTIONS),
             "sensors": list(SENSORS),
@@ -128,5 +146,6 @@ def _packed(values: npt.ArrayLike, unit: float) -> dict[str, Any]:
     }
 
 
-def _json(value: Any) -> str:
+def json_text(value: Any) -> str:
+    """JSON that can stand inside a script element, whatever names are in it."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).translate(ESCAPES)

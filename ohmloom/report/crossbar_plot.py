@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DEVICE: Final = 0.76  # side of a device's square; lines are 1 apart
+FRAME: Final = 0.92  # side of a mark around a device
 SECOND: Final = 0.45  # side of the second device of a pair
 REFERENCE_GAP: Final = 0.6  # more space between the last bit line and the reference column
 LINE_COLOUR, INVERTED_COLOUR, EXCITATORY_COLOUR = "#8a9099", "#c03a2b", "#2a76c6"
-ON_DARK, ON_BRIGHT = "#fdfdfd", "#101010"
+ON_DARK, ON_BRIGHT = "#fdfdfd", "#010101"
 MOST_INCHES: Final = 12.0
 
 
@@ -58,9 +59,7 @@ def plot_tile(plan: Plan, tile: int, *, conductances: npt.ArrayLike | None = Non
     """
     from matplotlib.figure import Figure
 
-    if not 0 <= tile < len(plan.tiles):
-        raise ParameterError(f"plot_tile.tile: expected an index from 0 to {len(plan.tiles) - 1}, got {tile}. "
-                             f"The plan has {len(plan.tiles)} tiles.")  # fmt: skip
+    _check_tile("plot_tile", plan, tile)
     values = _conductances(plan, conductances)
     if ax is None:
         ax = Figure(figsize=_inches(plan.tiles[tile]), layout="constrained").add_subplot()
@@ -87,6 +86,12 @@ def plot_plan(plan: Plan) -> Figure:
     figure.suptitle(f"{plan.network.name} on {plan.hardware.name}: a spike enters on a row, and every device on it "
                     "adds a current to its column", fontsize=10, parse_math=False)  # fmt: skip
     return figure
+
+
+def _check_tile(where: str, plan: Plan, tile: int) -> None:
+    if not 0 <= tile < len(plan.tiles):
+        raise ParameterError(f"{where}.tile: expected an index from 0 to {len(plan.tiles) - 1}, got {tile}. "
+                             f"The plan has {len(plan.tiles)} tiles.")  # fmt: skip
 
 
 def _conductances(plan: Plan, given: npt.ArrayLike | None) -> FloatArray:
@@ -131,7 +136,11 @@ def _draw(plan: Plan, index: int, conductances: FloatArray, ax: Axes) -> None:
     if tile.has_reference:
         places = [(_reference_at(tile), row) for row in range(len(tile.rows))]
         _squares(places, np.full(len(places), g_off), norm, ax, "reference", LINE_COLOUR)
-    _draw_others(plan, index, g_off, norm, ax)
+    _draw_others(plan, index, ax)
+    partners = np.argwhere(tile_grid(plan, index).cell == PARTNER)
+    if len(partners):
+        _squares([(int(j), int(i)) for i, j in partners], np.full(len(partners), g_off), norm, ax, "partners",
+                 LINE_COLOUR)  # fmt: skip
     _write_taps(points, cells, values, ax)
     _label(plan, tile, ax)
     _draw_bar(tile, (low, high), (g_off, g_on), cells, ax)
@@ -142,11 +151,73 @@ def _draw(plan: Plan, index: int, conductances: FloatArray, ax: Axes) -> None:
     ax.set_title(f"{tile.kind}: card {device.name}\n{size}", fontsize=9, parse_math=False)
 
 
+def plot_tile_values(
+    plan: Plan, tile: int, values: npt.ArrayLike, *, label: str, unit: str, marked: tuple[int, ...] = (),
+    ax: Axes | None = None,
+) -> Axes:  # fmt: skip
+    """Draw one tile as `plot_tile` does, its devices coloured by any number from 0 on.
+
+    Parameters
+    ----------
+    plan, tile
+        What is placed where, and the index of the tile.
+    values
+        Axes (synapse,), in the network's order, in SI; of the synapses on this tile, none is negative.
+    label, unit
+        What the colour means, and the unit of `values`; ``%`` writes a fraction in percent.
+    marked
+        Synapses to put a frame around.
+    ax
+        Axes to draw into; without it, those of a new figure.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such tile, or a value is missing or negative.
+    """
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+
+    _check_tile("plot_tile_values", plan, tile)
+    made = plan.tiles[tile]
+    if ax is None:
+        ax = Figure(figsize=_inches(made), layout="constrained").add_subplot()
+    given = frozen_array("plot_tile_values.values", values, (f"synapse={len(plan.crosspoints)}",))
+    points = [point for point in plan.crosspoints if point.tile == tile]
+    shown = given[[point.synapse for point in points]]
+    if not (shown >= 0.0).all():
+        raise ParameterError(f"plot_tile_values.values: expected numbers >= 0, got {shown.min():g}. Correct them.")
+    high = float(shown.max(initial=0.0)) or 1.0
+    _draw_lines(made, ax)
+    cells = _squares([(point.column, point.row) for point in points], shown, Normalize(0.0, high), ax, "devices", INK,
+                     cmap="cividis")  # fmt: skip
+    _draw_others(plan, tile, ax)
+    for point in points:
+        if point.synapse in marked:
+            corner = point.column - FRAME / 2, point.row - FRAME / 2
+            ax.add_patch(Rectangle(corner, FRAME, FRAME, fill=False, edgecolor=INVERTED_COLOUR, linewidth=2.2,
+                                   gid=f"marked {point.synapse}", zorder=4))  # fmt: skip
+    _write_taps(points, cells, shown, ax)
+    _label(plan, made, ax)
+    bar = ax.figure.colorbar(cells, cax=_bar_axes(ax))
+    bar.set_label(label, fontsize=8)
+    ticks = [float(v) for v in np.linspace(0.0, high, 5)]
+    words = [f"{100.0 * v:.2g} %" if unit == "%" else format_quantity(v, unit) for v in ticks]
+    bar.set_ticks(ticks, labels=words, fontsize=8)
+    ax.set_title(f"{made.kind}: {label}", fontsize=9, parse_math=False)
+    return ax
+
+
+def _bar_axes(ax: Axes) -> Axes:
+    share = 1.0 / abs(ax.get_xlim()[1] - ax.get_xlim()[0])  # one pitch, so that the bar is as tall as the tile
+    return ax.inset_axes((1.0 + 0.4 * share, 0.0, 0.5 * share, 1.0))
+
+
 def _draw_bar(tile: Tile, ends: tuple[float, float], range_: tuple[float, float], cells: Any, ax: Axes) -> None:
     (low, high), (g_off, g_on) = ends, range_
     reference = g_off if tile.subtracts_off else 0.0
-    share = 1.0 / abs(ax.get_xlim()[1] - ax.get_xlim()[0])  # one pitch, so that the bar is as tall as the tile
-    bar = ax.figure.colorbar(cells, cax=ax.inset_axes((1.0 + 0.4 * share, 0.0, 0.5 * share, 1.0)))
+    bar = ax.figure.colorbar(cells, cax=_bar_axes(ax))
     bar.set_label("conductance, weight W", fontsize=8)
     ticks = [float(g) for g in np.geomspace(low, high, 5)]
     words = [f"{format_quantity(g, 'S')}, W {max(g - reference, 0.0) / (g_on - reference):.2g}" for g in ticks]
@@ -174,8 +245,8 @@ def _draw_lines(tile: Tile, ax: Axes) -> None:
     ax.set(xlim=(-1.0, right + 0.1), ylim=(rows + 0.1, -0.7), aspect="equal")
 
 
-def _draw_others(plan: Plan, index: int, g_off: float, norm: Any, ax: Axes) -> None:
-    """Crossings without a synapse, and the second devices of differential pairs."""
+def _draw_others(plan: Plan, index: int, ax: Axes) -> None:
+    """Crossings without a synapse."""
     cell = tile_grid(plan, index).cell
     for what, name, marker, size in (
         (DISABLED, "no synapse", "o", 3.5),
@@ -184,19 +255,17 @@ def _draw_others(plan: Plan, index: int, g_off: float, norm: Any, ax: Axes) -> N
         where = np.argwhere(cell == what)
         ax.plot(where[:, 1], where[:, 0], linestyle="none", marker=marker, markersize=size, color=LINE_COLOUR,
                 markerfacecolor="white", markeredgewidth=0.7, gid=name, zorder=1.5)  # fmt: skip
-    partners = np.argwhere(cell == PARTNER)
-    if len(partners):
-        places = [(int(j), int(i)) for i, j in partners]
-        _squares(places, np.full(len(places), g_off), norm, ax, "partners", LINE_COLOUR)
 
 
-def _squares(places: Any, values: FloatArray, norm: Any, ax: Axes, name: str, edge: str) -> Any:
+def _squares(
+    places: Any, values: FloatArray, norm: Any, ax: Axes, name: str, edge: str, *, cmap: str = "viridis"
+) -> Any:
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Rectangle
 
     side = SECOND if name == "partners" else DEVICE
     patches = [Rectangle((x - side / 2, y - side / 2), side, side) for x, y in places]
-    squares = PatchCollection(patches, norm=norm, cmap="viridis", edgecolor=edge, linewidth=0.5, gid=name, zorder=2)
+    squares = PatchCollection(patches, norm=norm, cmap=cmap, edgecolor=edge, linewidth=0.5, gid=name, zorder=2)
     squares.set_array(values)
     if name != "devices":
         squares.set_linestyle("--")
@@ -206,7 +275,9 @@ def _squares(places: Any, values: FloatArray, norm: Any, ax: Axes, name: str, ed
 def _write_taps(points: list[Crosspoint], cells: Any, values: FloatArray, ax: Axes) -> None:
     for point, colour in zip(points, cells.to_rgba(values), strict=True):
         if point.tap > 1:
-            is_dark = float(colour[:3] @ (0.299, 0.587, 0.114)) < 0.55
+            # Of black and white, the one with more contrast: at least 4.6 on any colour (WCAG 2.2).
+            r, g, b = np.where(colour[:3] <= 0.04045, colour[:3] / 12.92, ((colour[:3] + 0.055) / 1.055) ** 2.4)
+            is_dark = 0.2126 * r + 0.7152 * g + 0.0722 * b < 0.179
             ax.text(point.column, point.row, str(point.tap), ha="center", va="center_baseline", fontsize=7,
                     color=ON_DARK if is_dark else ON_BRIGHT, zorder=3)  # fmt: skip
 

@@ -19,9 +19,10 @@ from ohmloom.errors import Interrupted
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import SpikingController, champion
 from ohmloom.neurocontroller.rules import INPUTS
+from ohmloom.report._page_run import die_run
 from ohmloom.report.fit_output import save_fit
 from ohmloom.report.map_output import save_map, study_map
-from ohmloom.report.output import record_trial, save_study
+from ohmloom.report.output import save_study
 from ohmloom.report.replay import replay
 from ohmloom.sim import EvolutionSettings, evolve, feasibility
 from ohmloom.units import format_quantity
@@ -123,15 +124,18 @@ def _run_steps(out: Path, *, say: Callable[[str], None], compiled: Callable[[], 
         f"weights within {check.worst_weight_error:.1e}")  # fmt: skip
     network.save(out / f"{CHAMPION}.net.json")
     command = f"ohmloom evaluate {out / CHAMPION}.net.json --hardware {HARDWARE} --dies {DIES} --seed {SEED}"
-    save_study(study, out, command=command)
+    run = die_run(study)
+    save_study(study, out, command=command, has_figures=False, run=run)
     say(f"   verdict {study.verdict}")
     for reason in study.reasons:
         say(f"   - {reason}")
 
     say("6  replay: the emulated hardware drives the robot")
-    trial, recording, arena = record_trial(network, hardware=hardware, seed=SEED)
+    trial = study.hardware_trial
+    assert run is not None
+    assert trial is not None
     for name in ("replay.html", "replay.png", "replay.gif"):
-        replay(recording, arena, out / name)
+        replay(run.recording, run.arena, out / name)
     say(f"   {'goal reached' if trial.solved else 'goal not reached'} in {trial.timesteps} timesteps; "
         f"{out / 'replay.html'}, .png, .gif")  # fmt: skip
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ohmloom._files import write_atomic
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController
@@ -14,20 +16,42 @@ from ohmloom.sim import Arena, Check, Feasibility, Trial, run_trial
 from ohmloom.sim.feasibility import start_key
 from ohmloom.sim.trial import draw_trial_key
 
+if TYPE_CHECKING:
+    from ohmloom.report._page_run import DieRun
+
 CHECK_FILES = ("check.json", "divergence.png")
 STUDY_FILES = ("report.html", "report.json", "plan.json")
 
 
-def save_study(study: Feasibility, out: Path, *, command: str) -> list[Path]:
-    """Write ``report.html``, ``report.json`` and ``plan.json`` to a folder; their paths."""
-    from ohmloom.report.page import write_report
+def save_study(
+    study: Feasibility, out: Path, *, command: str, has_figures: bool = True, run: DieRun | None = None
+) -> list[Path]:
+    """Write ``report.html``, ``report.json``, ``plan.json`` and the pictures in ``figures/`` to a folder; their paths.
+
+    Parameters
+    ----------
+    study
+        From `feasibility`, not loaded.
+    out
+        The folder.
+    command
+        The command line that makes the study again.
+    has_figures
+        Whether to write the pictures as files for papers too, as SVG and PDF.
+    run
+        The recorded trial of the study's first die, if it is at hand; else it is run again.
+    """
+    from ohmloom.report._page_run import die_run, ideal_run
+    from ohmloom.report.page import report_page
+    from ohmloom.report.study_figures import save_figures
 
     paths = [out / name for name in STUDY_FILES]
     assert study.plan is not None
+    ideal, die = ideal_run(study), die_run(study) if run is None else run
     study.plan.save(paths[2])
     study.save(paths[1])
-    write_report(study, paths[0], command=command)
-    return paths
+    write_atomic(paths[0], report_page(study, command=command, runs=(ideal, die)))
+    return paths + (save_figures(study, out / "figures", ideal=ideal, die=die) if has_figures else [])
 
 
 def save_check(check: Check, out: Path) -> list[Path]:

@@ -1,21 +1,24 @@
 "use strict";
-// Draws the replay at one row of the path; owns nothing but sizes and colours.
-const replayDrawing = (data) => {
+// Draws one controller's trial at one row of its path into the parts of `root`; owns nothing but sizes and colours.
+// The axis of time is `span` timesteps long, so that trials beside each other share it.
+const replayDrawing = (data, root, span) => {
   const { arena, names, colours, timesteps } = data;
-  const el = (id) => document.getElementById(id);
+  const el = (part) => root.querySelector(`[data-part="${part}"]`);
   const unpack = ({ unit, columns, codes }) => {
     const view = new DataView(Uint8Array.from(atob(codes), (c) => c.charCodeAt(0)).buffer);
     const at = (row, column) => unit * view.getInt16(2 * (row * columns + column), true);
     return { at, columns };
   };
   const path = unpack(data.path), sensors = unpack(data.sensors), outputs = unpack(data.outputs);
-  const spikes = unpack(data.spikes), weights = unpack(data.weights);
+  const spikes = unpack(data.spikes), packed = unpack(data.weights);
+  // Where a trial is long, weights stand in the file at every so many timesteps only.
+  const weights = { columns: packed.columns, at: (t, s) => packed.at(Math.floor(t / data.stride), s) };
 
   const ranges = [];
   let lowest = 0, highest = 1;
   for (let s = 0; s < weights.columns; s++) {
     let low = Infinity, high = -Infinity;
-    for (let t = 0; t < timesteps; t++) {
+    for (let t = 0; t < timesteps; t += data.stride) {
       low = Math.min(low, weights.at(t, s));
       high = Math.max(high, weights.at(t, s));
     }
@@ -153,7 +156,9 @@ const replayDrawing = (data) => {
   };
 
   const drawRobot = (row) => {
-    const canvas = el("robot"), width = canvas.clientWidth, g = fit(canvas, width);
+    const canvas = el("robot");
+    if (!canvas) return;
+    const width = canvas.clientWidth, g = fit(canvas, width);
     const at = lens(width, path.at(row, 0), path.at(row, 1), 3.6 * arena.radius);
     g.fillStyle = theme.paper;
     g.fillRect(0, 0, width, width);
@@ -194,7 +199,8 @@ const replayDrawing = (data) => {
   };
   // One column per pixel, the mean of the timesteps that fall on it, so that nothing is skipped.
   const buildRaster = () => {
-    const { width, left } = rasterPlace(), columns = Math.max(1, Math.round(Math.min(timesteps, width - left)));
+    const { width, left } = rasterPlace(), shown = (width - left) * timesteps / span;
+    const columns = Math.max(1, Math.round(Math.min(timesteps, shown)));
     const rows = Math.max(1, spikes.columns);
     rasterImage = document.createElement("canvas");
     rasterImage.width = columns;
@@ -212,7 +218,7 @@ const replayDrawing = (data) => {
   const drawRaster = (row) => {
     const { width, count, pitch, left, height } = rasterPlace(), g = fit(el("raster"), height + 18);
     g.imageSmoothingEnabled = false;
-    g.drawImage(rasterImage, left, 0, width - left, height);
+    g.drawImage(rasterImage, left, 0, (width - left) * timesteps / span, height);
     g.fillStyle = theme.soft;
     g.font = Math.min(11, pitch - 1) + "px system-ui, sans-serif";
     g.textAlign = "right";
@@ -229,9 +235,9 @@ const replayDrawing = (data) => {
     g.font = "11px system-ui, sans-serif";
     for (const share of [0, 0.5, 1]) {
       g.textAlign = share === 0 ? "left" : share === 1 ? "right" : "center";
-      g.fillText(Math.round(share * timesteps) + "", left + share * (width - left), height + 10);
+      g.fillText(Math.round(share * span) + "", left + share * (width - left), height + 10);
     }
-    const x = left + (width - left) * Math.min(row + 0.5, timesteps) / timesteps;
+    const x = left + (width - left) * Math.min(row + 0.5, timesteps) / span;
     g.strokeStyle = colours.ir;
     g.lineWidth = 2;
     g.beginPath();
@@ -268,9 +274,17 @@ const replayDrawing = (data) => {
     if (!weights.columns) { g.textAlign = "center"; g.fillText("no synapses", width / 2, WEIGHT_HEIGHT / 2); }
   };
 
-  const draw = (row) => {
+  const draw = (wanted) => {
+    const row = Math.min(wanted, timesteps);
     for (const part of [drawArena, drawRobot, drawSignals, drawRaster, drawWeights]) part(row);
   };
   const refresh = () => { readTheme(); buildRaster(); };
-  return { draw, refresh, rasterPlace, spikes, weights, ranges, WEIGHT_LEFT };
+  // What happens in a row, in words.
+  const status = (wanted) => {
+    const row = Math.min(wanted, timesteps), t = Math.min(row, timesteps - 1);
+    const counted = data.extra.reduce((sum, [at, more]) => (at < row ? sum + more : sum), row);
+    const what = row === timesteps ? "end" : names.actions[+data.actions[t]] + (bumped.has(row) ? ", bump" : "");
+    return `timestep ${row}/${timesteps}, counted ${counted}: ${what}`;
+  };
+  return { data, draw, refresh, rasterPlace, spikes, weights, ranges, WEIGHT_LEFT, status, el };
 };

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 
 from ohmloom.errors import ParameterError
 from ohmloom.mapping import Hardware, place
 from ohmloom.neurocontroller import Network, champion
-from ohmloom.report import plot_plan, plot_tile
+from ohmloom.report import plot_plan, plot_tile, plot_tile_values
 from ohmloom.sim import Feasibility
 
 
@@ -171,3 +172,38 @@ def test_wrong_tile_and_wrong_conductances_are_refused(ga_study: Feasibility) ->
         plot_tile(plan, 0, conductances=np.ones(n - 1))
     with pytest.raises(ParameterError, match=r"plot_tile\.conductances: expected numbers > 0 S, got 0 S"):
         plot_tile(plan, 0, conductances=np.zeros(n))
+
+
+def test_any_number_colours_the_devices_and_the_worst_are_framed() -> None:
+    plan = place(champion("HET"), Hardware.load("het_mixed"))
+    values = 10.0 * np.arange(len(plan.crosspoints))
+    here = [point for point in plan.crosspoints if point.tile == 1]
+    ax = plot_tile_values(plan, 1, values, label="pulses", unit="pulses", marked=(here[2].synapse,))
+    assert squares(ax, "devices") == {(p.column, p.row): values[p.synapse] for p in here}
+    (frame,) = [patch for patch in ax.patches if str(patch.get_gid()).startswith("marked")]
+    x, y = frame.get_xy()
+    assert (x + frame.get_width() / 2, y + frame.get_height() / 2) == pytest.approx((here[2].column, here[2].row))
+    with pytest.raises(ParameterError, match=r"plot_tile_values\.tile: expected an index from 0 to 1, got 2"):
+        plot_tile_values(plan, 2, values, label="", unit="1")
+    with pytest.raises(ParameterError, match=r"plot_tile_values\.values: expected numbers >= 0, got -1"):
+        plot_tile_values(plan, 1, values * 0.0 - 1.0, label="", unit="1")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.75, 1.0])
+def test_delays_stand_out_from_the_colour_of_their_device(share: float) -> None:
+    plan = place(champion("HET"), Hardware.load("het_mixed"))
+    values = np.full(len(plan.crosspoints), share)
+    values[[p.synapse for p in plan.crosspoints if p.tap == 1]] = 1.0
+    ax = plot_tile_values(plan, 1, values, label="", unit="1")
+    (cells,) = [c for c in ax.collections if c.get_gid() == "devices"]
+    colours = {(p.column, p.row): rgba for p, rgba in zip(
+        [p for p in plan.crosspoints if p.tile == 1], cells.to_rgba(cells.get_array()), strict=True)}  # fmt: skip
+    assert ax.texts
+
+    def luminance(rgba: Any) -> float:
+        rgb = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in rgba[:3]]
+        return float(np.dot(rgb, (0.2126, 0.7152, 0.0722)))
+
+    for text in ax.texts:
+        pair = sorted([luminance(to_rgba(text.get_color())), luminance(colours[text.get_position()])])
+        assert (pair[1] + 0.05) / (pair[0] + 0.05) >= 4.5

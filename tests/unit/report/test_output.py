@@ -19,7 +19,8 @@ HARDWARE = Hardware.load("het_mixed")
 
 def test_study_files_agree(tmp_path):
     study = feasibility(NETWORK, HARDWARE, dies=1, seed=2, arena=Arena(max_timesteps=40))
-    page, report, plan = save_study(study, tmp_path, command="ohmloom evaluate x")
+    page, report, plan = save_study(study, tmp_path, command="ohmloom evaluate x", has_figures=False)
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "report.json", "plan.json"}
     assert json.loads(report.read_text())["verdict"] == study.verdict
     assert study.verdict in page.read_text()
     assert json.loads(plan.read_text())["network"]["system"] == "HET"
