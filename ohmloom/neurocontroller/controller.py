@@ -146,9 +146,12 @@ class SpikingController:
 
 
 def checked_sensors(where: str, sensors: Any) -> FloatArray:
-    """Sensor values as an array, or an error that says which rule they break."""
+    """Sensor values as an array of their own, or an error that says which rule they break.
+
+    A locked or strided array would be another type for the kernels, and compile them once more.
+    """
     try:
-        values = np.asarray(sensors, dtype=np.float64)
+        values = np.array(sensors, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         values = np.empty(0)
     if values.shape != (INPUTS,) or not ((values >= 0.0) & (values <= 1.0)).all():
