@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
+from ohmloom._files import DAMAGED_ZIP, check_format, parse_json, read_bytes, write_atomic
 from ohmloom.errors import FileFormatError, ParameterError, shown
 
 FloatArray = npt.NDArray[np.float64]
@@ -97,21 +95,10 @@ def read_arrays(
     """
     where = str(path)
     data = read_bytes(path, what, limit=None)
-    # A damaged zip file fails in any of these ways; NotImplementedError stands for an unknown compression.
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
-    except (
-        OSError,
-        ValueError,
-        EOFError,
-        AttributeError,
-        TypeError,
-        KeyError,
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-    ) as error:
+    except (OSError, ValueError, AttributeError, TypeError, KeyError, *DAMAGED_ZIP) as error:
         raise FileFormatError(
             f"{where}: expected an npz file of a {what}, got {error}. It may be truncated."
         ) from error

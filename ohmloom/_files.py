@@ -8,6 +8,8 @@ import os
 import re
 import tempfile
 import tomllib
+import zipfile
+import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -27,6 +29,8 @@ from ohmloom.errors import (
 M = TypeVar("M", bound=pydantic.BaseModel)
 TEXT_LIMIT = 16_000_000  # bytes; ours are far smaller
 DEPTH_LIMIT = 64  # levels of nesting; ours have five
+# What zipfile raises for a damaged archive; the last two for an unknown compression, and for one that is encrypted.
+DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
 # tomllib takes a time that grows with the cube of a dotted key's length, so long ones are refused unread.
 _LONG_KEY = re.compile(r"""(?m)(?:^|[\[{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){64}""")
 

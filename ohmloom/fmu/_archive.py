@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from ohmloom._files import DAMAGED_ZIP
 from ohmloom.errors import FileFormatError, MissingFileError, expect_type, shown
 from ohmloom.fmu._compile import TARGETS, host
 
 LARGEST_CONTENT = 1_000_000_000  # bytes when unpacked; a large FMU has 100 MB
-# A damaged zip file fails in any of these ways; NotImplementedError stands for an unknown compression.
-DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
 LARGEST_DESCRIPTION = 100_000_000
 MOST_ENTRIES = 20_000
 HIGHEST_RATIO = 500  # of unpacked to packed bytes of one entry; text packs 10 to 50 times

@@ -219,7 +219,10 @@ static const char *model_check(const double *p)
 }
 
 static void model_start(const double *p, Memory *memory) { controller_start(p, memory); }
-static void model_step(const double *p, const double *u, Memory *memory) { controller_step(p, u, memory); }
+static const char *model_step(const double *p, const double *u, Memory *memory)
+{
+    return controller_step(p, u, memory);
+}
 
 static void model_outputs(const double *p, const Memory *memory, double *y)
 {
@@ -256,7 +259,11 @@ static const char *model_check(const double *p)
 }
 
 static void model_start(const double *p, Memory *memory) { arena_start(p, memory); }
-static void model_step(const double *p, const double *u, Memory *memory) { arena_step(p, (int)u[0], memory); }
+static const char *model_step(const double *p, const double *u, Memory *memory)
+{
+    arena_step(p, (int)u[0], memory);
+    return NULL;
+}
 
 static void model_outputs(const double *p, const Memory *memory, double *y)
 {
@@ -293,13 +300,16 @@ static void model_start(const double *p, Memory *memory)
     controller_start(p + N_ARENA_P, &memory->controller);
 }
 
-static void model_step(const double *p, const double *u, Memory *memory)
+static const char *model_step(const double *p, const double *u, Memory *memory)
 {
+    const char *failure;
     (void)u;
     if (memory->arena.is_done)
-        return;
-    controller_step(p + N_ARENA_P, memory->arena.sensors, &memory->controller);
-    arena_step(p, memory->controller.action, &memory->arena);
+        return NULL;
+    failure = controller_step(p + N_ARENA_P, memory->arena.sensors, &memory->controller);
+    if (!failure)
+        arena_step(p, memory->controller.action, &memory->arena);
+    return failure;
 }
 
 static void model_outputs(const double *p, const Memory *memory, double *y)

@@ -14,8 +14,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ohmloom._arrays import frozen_array
+from ohmloom._files import DAMAGED_ZIP
 from ohmloom.errors import FileFormatError, MissingFileError, ParameterError, UnknownNameError, expect_number, shown
-from ohmloom.fmu._archive import DAMAGED_ZIP, check_entries, parse_xml
+from ohmloom.fmu._archive import check_entries, parse_xml
 from ohmloom.fmu._process import MEMORY, TIMEOUT
 from ohmloom.fmu.host import Host
 from ohmloom.fmu.run import FmuTrace

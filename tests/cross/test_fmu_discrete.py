@@ -9,8 +9,8 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from ohmloom.devices._kernels import LAW_INDEX, flux, state_at_flux
-from ohmloom.errors import MappingError, ParameterError, UnknownNameError
-from ohmloom.fmu import check, export_arena, export_controller, export_hardware_controller, export_system
+from ohmloom.errors import MappingError, OperationError, ParameterError, UnknownNameError
+from ohmloom.fmu import Host, check, export_arena, export_controller, export_hardware_controller, export_system
 from ohmloom.fmu._discrete_code import key_parts
 from ohmloom.fmu._flux_code import FLUXES, INVERSES
 from ohmloom.mapping import EmulatedController, Hardware, place
@@ -224,6 +224,15 @@ def test_a_die_that_voltages_drive_is_the_emulated_one(tmp_path, master, system,
     # Devices have moved, and outputs did many things.
     assert np.abs(emulated.weights - before).max() > 0.01
     assert len(np.unique(wanted, axis=0)) > 2
+
+
+def test_potentials_that_do_not_converge_fail_the_step(tmp_path, monkeypatch, need_tool):
+    compiler = need_tool("a solver that fails is not run here", "gcc", "clang")
+    monkeypatch.setenv("CC", f"{compiler} -DMOST_ITERATIONS=0")
+    die = place(champion("HP"), Hardware.load("hp_strukov")).sample(seed=3)
+    path = export_hardware_controller(die, tmp_path / "die.fmu").path
+    with Host(path) as host, pytest.raises(OperationError, match="expected the potentials of the wires to converge"):
+        host.step(STEP)
 
 
 @pytest.mark.parametrize("law", ["hp_linear", "linear", "peo_pani_mirror"])

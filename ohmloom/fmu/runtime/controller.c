@@ -105,8 +105,8 @@ static void controller_tick(const double *p, const double *sensors, Controller *
     s->clock++;
 }
 
-/* A timestep; the action follows from the outputs' spike counts, eq. 6: 0 forward, 1 left, 2 right. */
-static void controller_step(const double *p, const double *sensors, Controller *s)
+/* A timestep; the action follows from the outputs' spike counts, eq. 6: 0 forward, 1 left, 2 right. NULL: nothing can fail. */
+static const char *controller_step(const double *p, const double *sensors, Controller *s)
 {
     int k, left, right;
     if (!CARRY_STATE)
@@ -117,4 +117,5 @@ static void controller_step(const double *p, const double *sensors, Controller *
     left = s->spiked[NEURONS - 2] >= p[HIGH_COUNT];
     right = s->spiked[NEURONS - 1] >= p[HIGH_COUNT];
     s->action = left == right ? 0 : left ? 1 : 2;
+    return NULL;
 }

@@ -20,6 +20,7 @@ typedef struct {
     double guess[TILES][COLUMNS][ROWS * COLUMNS]; /* V, of the rows when a column is read */
     double v_row[ROWS], v_column[COLUMNS], w[ROWS * COLUMNS], work[11][ROWS * COLUMNS];
     int is_stale[TILES];             /* whether the weights are of other conductances */
+    int has_failed;                  /* whether potentials were not found */
 #if DRIVES_LINES
     double middle[ROWS * COLUMNS];   /* S, in the middle of a pulse */
     double program_guess[TILES][PHASES][ROWS * COLUMNS];
@@ -146,8 +147,8 @@ static void controller_tick(const double *p, const double *sensors, Controller *
     m->clock++;
 }
 
-/* A timestep; the action follows from the outputs' spike counts: 0 forward, 1 left, 2 right. */
-static void controller_step(const double *p, const double *sensors, Controller *m)
+/* A timestep; the action follows from the outputs' spike counts: 0 forward, 1 left, 2 right. NULL, or what failed. */
+static const char *controller_step(const double *p, const double *sensors, Controller *m)
 {
     int k, left, right;
     if (!CARRY_STATE)
@@ -158,4 +159,9 @@ static void controller_step(const double *p, const double *sensors, Controller *
     left = m->spiked[NEURONS - 2] >= p[HIGH_COUNT];
     right = m->spiked[NEURONS - 1] >= p[HIGH_COUNT];
     m->action = left == right ? 0 : left ? 1 : 2;
+#if HAS_WIRES
+    if (m->has_failed)
+        return "expected the potentials of the wires to converge, got none that do";
+#endif
+    return NULL;
 }

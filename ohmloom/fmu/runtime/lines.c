@@ -5,6 +5,11 @@
  */
 enum { POINTS = ROWS * COLUMNS };
 
+#ifndef MOST_ITERATIONS
+#define MOST_ITERATIONS 2000
+#endif
+#define LINE_TOLERANCE 1e-11 /* of the potentials, in the norm of their energy */
+
 typedef struct {
     double segment, near, far; /* Ohm; S before the first and after the last node, 0 is open, infinite is ideal */
 } Wire;
@@ -146,7 +151,7 @@ static void solve_lines(Controller *m, const double *g, double *u)
         ap[k] = r[k];
         rz += r[k] * z[k];
     }
-    for (count = 0; !(rz <= 1e-11 * 1e-11 * scale); count++) {
+    for (count = 0; !(rz <= LINE_TOLERANCE * LINE_TOLERANCE * scale); count++) { /* not a number is not solved */
         double pq = 0.0, after = 0.0, length, ratio;
         multiply(turned_g, p, other);
         for (i = 0; i < ROWS; i++)
@@ -158,8 +163,10 @@ static void solve_lines(Controller *m, const double *g, double *u)
             other[k] = ap[k] - other[k];
             pq += p[k] * other[k];
         }
-        if (count == 2000 || !(pq > 0.0))
-            break;
+        if (count == MOST_ITERATIONS || !(pq > 0.0)) {
+            m->has_failed = 1;
+            return;
+        }
         length = rz / pq;
         for (k = 0; k < POINTS; k++) {
             x[k] += length * p[k];
@@ -168,8 +175,6 @@ static void solve_lines(Controller *m, const double *g, double *u)
         find_potential(row_wire, COLUMNS, ROWS, row_factors, r, z);
         for (k = 0; k < POINTS; k++)
             after += r[k] * z[k];
-        if (after >= rz && rz <= 1e-11 * 1e-11 * scale)
-            break;
         ratio = after / rz;
         for (k = 0; k < POINTS; k++) {
             p[k] = z[k] + ratio * p[k];

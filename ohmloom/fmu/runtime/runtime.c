@@ -186,8 +186,11 @@ static int advance(Instance *m, double duration)
     if (!(count >= 1.0 && count <= 1e6 && fabs(duration - count * TIMESTEP) <= 1e-6 * TIMESTEP))
         return refuse(m, "t = %.17g s: expected a step of %g s or a multiple of it, got %.17g s", s->value[0], TIMESTEP,
                       duration);
-    for (k = 0.0; k < count; k += 1.0)
-        model_step(part(s, FIRST_P), part(s, FIRST_U), &s->memory);
+    for (k = 0.0; k < count; k += 1.0) {
+        const char *failure = model_step(part(s, FIRST_P), part(s, FIRST_U), &s->memory);
+        if (failure)
+            return refuse(m, "t = %.17g s: %s", s->value[0] + k * TIMESTEP, failure);
+    }
     s->outputs_known = 0;
     return GOOD;
 }
