@@ -17,7 +17,7 @@ from ohmloom.mapping.grid import CELLS, PARTNER, SYNAPSE
 from ohmloom.mapping.placement import Wires, read_errors
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS
 from ohmloom.report._page_run import DieRun
-from ohmloom.report._page_svg import page_svg
+from ohmloom.report._page_svg import figure_of, page_svg
 from ohmloom.report._page_words import percent
 from ohmloom.report._replay_data import KINDS
 from ohmloom.report.crossbar_plot import REFERENCE_GAP, plot_tile, plot_tile_values
@@ -106,7 +106,7 @@ def end_conductances(plan: Plan, agreement: Agreement) -> FloatArray:
     for point in plan.crosspoints:
         tile = plan.tiles[point.tile]
         device = plan.hardware.devices[tile.kind]
-        reference = float(device.conductance(0.0)) if tile.has_reference else 0.0
+        reference = float(device.conductance(0.0)) if tile.subtracts_off else 0.0
         values[point.synapse] = last[point.synapse] * (float(device.conductance(1.0)) - reference) + reference
     return values
 
@@ -228,7 +228,7 @@ def _largest(values: Any, count: int) -> tuple[int, ...]:
 
 
 def _conductance(plan: Plan, index: int, conductances: FloatArray | None) -> Figure:
-    return _figure(plot_tile(plan, index, conductances=conductances))
+    return figure_of(plot_tile(plan, index, conductances=conductances))
 
 
 def _values(plan: Plan, index: int, values: FloatArray, label: str, unit: str) -> Figure:
@@ -237,10 +237,4 @@ def _values(plan: Plan, index: int, values: FloatArray, label: str, unit: str) -
         if point.tile == index:
             here[point.synapse] = values[point.synapse]
     marked = _largest(here, MARKED)
-    return _figure(plot_tile_values(plan, index, values, label=label, unit=unit, marked=marked))
-
-
-def _figure(ax: Any) -> Figure:
-    figure: Figure | None = ax.get_figure(root=True)
-    assert figure is not None
-    return figure
+    return figure_of(plot_tile_values(plan, index, values, label=label, unit=unit, marked=marked))

@@ -3,48 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
 from ohmloom.report import study_plot as plots
-from ohmloom.report._page_svg import page_svg
+from ohmloom.report._page_svg import figure_of, page_svg
 from ohmloom.report._page_words import percent, points
 from ohmloom.sim import Feasibility
 from ohmloom.units import format_quantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Cell = tuple[str, float | str]  # text, and what the page's script sorts by
 
 
 def study_context(study: Feasibility, table: Mapping[str, Any]) -> dict[str, Any]:
     """What the template needs; `table` is the study's object for JSON, whose numbers these are."""
-    sensitivity = table.get("sensitivity")
+    sensitivity = table["sensitivity"]
     return {
         "margins": _svg(plots.plot_margins, study.figures, key="margins", label="How much of its limit a figure uses")
         if any(plots.share_of_limit(figure) is not None for figure in study.figures) else None,
         "success_pictures": _success_pictures(study),
-        "yield_rows": [_yield_row(row) for row in table.get("yield_") or ()],
+        "yield_rows": [_yield_row(row) for row in table["yield_"]],
         "yield_picture": _svg(plots.plot_yield, table["yield_"], key="yield", label="Yield over the fault rate")
-        if table.get("yield_") else None,
-        "corners": [_corner_row(row) for row in table.get("corners") or ()],
-        "requirements": [_requirement_row(row) for row in table.get("requirements") or ()],
+        if table["yield_"] else None,
+        "corners": [_corner_row(row) for row in table["corners"]],
+        "requirements": [_requirement_row(row) for row in table["requirements"]],
         "sensitivity": _sensitivity(sensitivity) if sensitivity else None,
-        "lifetime": _lifetime(table.get("lifetime")),
+        "lifetime": _lifetime(table["lifetime"]),
     }  # fmt: skip
 
 
 def _svg(plot: Any, *data: Any, key: str, label: str) -> Markup:
-    return page_svg(lambda: _figure(plot(*data)), key, label)
-
-
-def _figure(ax: Axes) -> Figure:
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    return figure
+    return page_svg(lambda: figure_of(plot(*data)), key, label)
 
 
 def _success_pictures(study: Feasibility) -> list[Markup]:
@@ -78,12 +68,10 @@ def _corner_row(row: Mapping[str, Any]) -> dict[str, Any]:
         for status in ("FAIL", "MARGINAL")
     )
     words = "–"
-    if isinstance(success, Mapping):
+    if success is not None:
         low, high = success["interval"]
         words = (f"{percent(success['hardware'])} of {success['n']} starts, ideal {percent(success['ideal'])}; "
                  f"difference {points(low)} to {points(high)} points")  # fmt: skip
-    elif success is not None:
-        words = percent(float(success))
     return {"name": row["name"], "description": row["description"], "verdict": row["verdict"], "success": words,
             "broken": broken, "near": near}  # fmt: skip
 
@@ -106,8 +94,8 @@ def _sensitivity(found: Mapping[str, Any]) -> dict[str, Any]:
         }
         for one in factors
     ]  # fmt: skip
-    sobol: Sequence[Mapping[str, Any]] = found.get("sobol") or ()
-    convergence = found.get("convergence") or ()
+    sobol: Sequence[Mapping[str, Any]] = found["sobol"] or ()
+    convergence = found["convergence"]
     return {
         "output": found["output"], "trajectories": found["trajectories"], "table": rows,
         "picture": _svg(plots.plot_sensitivity, found, key="morris", label="Sensitivity: mu* of each factor")
@@ -118,7 +106,7 @@ def _sensitivity(found: Mapping[str, Any]) -> dict[str, Any]:
              "total": f"{one['total']:.2g}, {one['total_interval'][0]:.2g} to {one['total_interval'][1]:.2g}"}
             for one in sobol
         ],
-        "n_sobol": found.get("n_sobol"),
+        "n_sobol": found["n_sobol"],
         "sobol_picture": _svg(plots.plot_sobol, sobol, key="sobol", label="Sobol indices") if sobol else None,
         "convergence": _svg(plots.plot_convergence, convergence, key="convergence", label="mu* over trajectories")
         if len(convergence) > 1 else None,
@@ -126,21 +114,15 @@ def _sensitivity(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lifetime(rows: Sequence[Mapping[str, Any]] | None) -> dict[str, Any] | None:
-    """Any columns; the study names them."""
+    """The study names the columns."""
     if not rows:
         return None
     columns = list(rows[0])
 
     def cell(value: Any) -> Cell:
-        if isinstance(value, bool) or value is None:
-            return ("–" if value is None else "yes" if value else "no"), str(value)
-        if isinstance(value, float):
-            return f"{value:.4g}", value
-        if isinstance(value, int):
-            return f"{value:,}", float(value)
-        if isinstance(value, (list, tuple)):
-            return " to ".join(cell(one)[0] for one in value), cell(value[0])[1] if value else ""
-        return str(value), str(value)
+        if value is None:
+            return "–", ""
+        return (f"{value:,}" if isinstance(value, int) else f"{value:.4g}"), float(value)
 
     return {"columns": [name.replace("_", " ") for name in columns],
-            "rows": [[cell(row.get(name)) for name in columns] for row in rows]}  # fmt: skip
+            "rows": [[cell(row[name]) for name in columns] for row in rows]}  # fmt: skip

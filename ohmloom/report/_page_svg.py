@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 HASH_SALT: Final = "ohmloom"
@@ -47,6 +48,13 @@ def page_svg(draw: Callable[[], Figure], key: str, label: str, *, map_index: int
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", dpi=BITMAP_DPI, transparent=True, metadata={"Date": None})
     return _inside_page(buffer.getvalue(), key, label, "" if map_index is None else _frame(figure, map_index))
+
+
+def figure_of(axes: Axes) -> Figure:
+    """The figure that a plot was drawn on."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return figure
 
 
 def _frame(figure: Figure, map_index: int) -> str:

@@ -39,7 +39,7 @@ PERIOD = 1.0
 def run_demo(out: Path, *, say: Callable[[str], None]) -> None:
     """Run the whole road once and write its files to `out`; `say` gets a line per step."""
     started = time.monotonic()
-    say("ohmloom demo: nothing is downloaded and nothing is opened. The first run compiles for about half a minute.")
+    say("ohmloom demo: nothing is downloaded and nothing is opened. The first run also compiles, for a minute or so.")
     with _compiling() as compiled:
         _run_steps(out, say=say, compiled=compiled)
     say(f"done in {time.monotonic() - started:.0f} s; open {out / 'report.html'}")

@@ -13,7 +13,7 @@ from ohmloom.mapping import EmulatedController, Hardware, place
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.report.replay import FORMATS, Recording, replay
 from ohmloom.sim import Arena, Check, Feasibility, Trial, run_trial
-from ohmloom.sim.feasibility import start_key
+from ohmloom.sim.sampling import start_key
 from ohmloom.sim.trial import draw_trial_key
 
 if TYPE_CHECKING:

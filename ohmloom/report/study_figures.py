@@ -13,7 +13,7 @@ from ohmloom._files import write_atomic
 from ohmloom.report import study_plot as plots
 from ohmloom.report._page_maps import device_values, tile_views
 from ohmloom.report._page_run import DieRun, Run, arena_of
-from ohmloom.report._page_svg import HASH_SALT
+from ohmloom.report._page_svg import HASH_SALT, figure_of
 from ohmloom.report.arena_plot import plot_path
 from ohmloom.report.weights_plot import plot_weights
 from ohmloom.sim import Feasibility
@@ -58,9 +58,9 @@ def figures(
         yield "yield", partial(_of, plots.plot_yield, study.yield_)
     if study.sensitivity and study.sensitivity["factors"]:
         yield "sensitivity", partial(_of, plots.plot_sensitivity, study.sensitivity)
-        if study.sensitivity.get("sobol"):
+        if study.sensitivity["sobol"]:
             yield "sobol", partial(_of, plots.plot_sobol, study.sensitivity["sobol"])
-        if len(study.sensitivity.get("convergence") or ()) > 1:
+        if len(study.sensitivity["convergence"]) > 1:
             yield "convergence", partial(_of, plots.plot_convergence, study.sensitivity["convergence"])
     if check is not None and plan is not None:
         yield "path_ideal", partial(_of, plot_path, check.trial, arena_of(check.trial))
@@ -77,6 +77,4 @@ def figures(
 
 
 def _of(plot: Callable[..., Any], *data: Any) -> Figure:
-    figure: Figure | None = plot(*data).get_figure(root=True)
-    assert figure is not None
-    return figure
+    return figure_of(plot(*data))
