@@ -192,7 +192,7 @@ def replay(
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for what it makes.")] = Path("ohmloom-demo"),
 ) -> None:
-    """Every piece once, on shipped inputs, computed now, in under a minute."""
+    """Every piece once, on shipped inputs, computed now: under a minute, and one more when it compiles."""
     from ohmloom.report.demo import run_demo
 
     check_folder(out)

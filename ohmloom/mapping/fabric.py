@@ -13,16 +13,15 @@ from ohmloom.devices import Device
 from ohmloom.devices.laws import LAWS
 from ohmloom.mapping import _fabric as f
 from ohmloom.mapping.die import UNFORMED, Die, physical_shape
+from ohmloom.mapping.effects import Effects, widest_tile
 from ohmloom.mapping.plan import Plan
-from ohmloom.mapping.pulses import pulse_area, pulse_of
+from ohmloom.mapping.pulses import pulse_of
 from ohmloom.mapping.repair import STUCK_OFF, STUCK_ON
 from ohmloom.mapping.waveform import phase_arrays
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS
 from ohmloom.neurocontroller.plain import stdp_sign
 from ohmloom.neurocontroller.rules import INPUTS, OUTPUTS
 
-TIMESTEP = 0.032  # [s], Section VIII-A
-BOLTZMANN = 8.617333262e-5  # [eV/K]
 NOT_PLASTIC = -1  # family of a tile whose devices no event moves
 MODES = {
     "charge_metered": f.CHARGE_METERED, "current": f.CURRENT, "voltage": f.VOLTAGE, "exact_width": f.EXACT_WIDTH,
@@ -83,7 +82,7 @@ def build_fabric(
 
     wires = _wires(die, g_off, [c.tile for c in cells], as_wired=as_wired)
     is_selected = drive.parallelism != "array"
-    effects = _Effects(die)
+    effects = Effects(die)
     synapse = [c.synapse for c in cells]
     events = np.array([1.0 if k is None else die.event_charge[k] for k in synapse])
     threshold = np.array([drive.threshold.value if k is None else die.threshold[k] for k in synapse])
@@ -146,61 +145,6 @@ def build_fabric(
         if index is not None:
             place[index] = k
     return fabric, place, np.flatnonzero(~cell["is_synapse"])
-
-
-def line_delay(plan: Plan) -> float:
-    """Sum of the Elmore delays of the longest row and the longest column of a plan [s]; 0 without capacitance."""
-    wires, (m, width) = plan.hardware.wires, _extent(plan)
-    if wires.c_segment is None:
-        return 0.0
-    ohm, c = wires.resistances, wires.c_segment.value
-    row = c * width * (ohm["r_driver"] + ohm["r_row"] * (width + 1) / 2.0)
-    return row + c * m * (ohm["r_sense"] + ohm["r_column"] * (m + 1) / 2.0)
-
-
-class _Effects:
-    """Values of the effects that act on this die; none on the nominal one."""
-
-    def __init__(self, die: Die) -> None:
-        self._spec = None if die.seed is None else die.plan.hardware.nonidealities
-        self._plan, self._hardware = die.plan, die.plan.hardware
-
-    def __getitem__(self, name: str) -> float:
-        quantity = None if self._spec is None else getattr(self._spec, name)
-        return 0.0 if quantity is None else float(quantity.value)
-
-    @property
-    def bits(self) -> int:
-        if self._spec is None:
-            return 0
-        converter = self._hardware.converter
-        own = None if converter is None else converter.bits
-        return int(self["quantisation"]) if own is None else int(own.value)
-
-    @property
-    def settled(self) -> float:
-        constant = self["settling"] + (0.0 if self._spec is None else line_delay(self._plan))
-        return 1.0 if constant == 0.0 else 1.0 - math.exp(-self._hardware.read.duration.value / constant)
-
-    @property
-    def decay(self) -> float:
-        constant = self["retention"]
-        return 1.0 if constant == 0.0 else math.exp(-TIMESTEP / (constant / self._arrhenius("retention_activation")))
-
-    @property
-    def pulse_size(self) -> float:
-        """What shape and temperature leave of an event."""
-        size = pulse_area(self._hardware.drive)
-        return size if self._spec is None else size * self._arrhenius("drift_activation")
-
-    def _arrhenius(self, energy: str) -> float:
-        """How much faster a process is than at the cards' temperature."""
-        environment = self._hardware.environment
-        activation = None if environment is None else getattr(environment, energy)
-        if environment is None or activation is None:
-            return 1.0
-        cold, now = environment.card_temperature.value, environment.temperature.value
-        return math.exp(activation.value / BOLTZMANN * (1.0 / cold - 1.0 / now))
 
 
 def _parameters(devices: list[Device]) -> FloatArray:
@@ -319,15 +263,8 @@ def _full_scale(plan: Plan) -> FloatArray:
     return rows
 
 
-def _extent(plan: Plan) -> tuple[int, int]:
-    """Word and bit lines of the largest tile, reference column included."""
-    shapes = [physical_shape(plan, t) for t in range(len(plan.tiles))]
-    wide = [n + int(tile.has_reference) for (_, n), tile in zip(shapes, plan.tiles, strict=True)]
-    return max((m for m, _ in shapes), default=1), max(wide, default=1)
-
-
 def _padding(plan: Plan, t: int) -> int:
-    return _extent(plan)[0] - physical_shape(plan, t)[0]
+    return widest_tile(plan)[0] - physical_shape(plan, t)[0]
 
 
 def _resistances(die: Die) -> dict[str, float]:
@@ -351,7 +288,7 @@ def _wires(die: Die, g_off: FloatArray, tile_of_cell: list[int], *, as_wired: bo
     plan, ohm = die.plan, _resistances(die)
     if not (any(ohm.values()) or as_wired) or not plan.tiles:
         return f.NoWires()
-    (m, width), tiles = _extent(plan), len(plan.tiles)
+    (m, width), tiles = widest_tile(plan), len(plan.tiles)
     near, far = ohm["r_driver"] + ohm["r_row"], ohm["r_sense"] + ohm["r_column"]
     row_neuron, column_neuron = np.full((tiles, m), -1, dtype=np.int64), np.full((tiles, width), -1, dtype=np.int64)
     reference, still = np.full(tiles, -1, dtype=np.int64), np.zeros((tiles, m, width))

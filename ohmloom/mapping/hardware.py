@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -163,6 +164,23 @@ class Hardware(_HardwareFile):
             for kind in KINDS
             if (card := self.cards.get(kind)) is not None
         }
+
+    def with_values(self, values: Mapping[str, float]) -> Hardware:
+        """The same spec with other values, by dotted names such as ``wires.r_row``; for studies that vary it.
+
+        What a file of these values would be refused for is not checked again. Bits are rounded.
+
+        >>> Hardware.load("hp_1t1r").with_values({"wires.r_row": 2.0}).wires.r_row.value
+        2.0
+        """
+        changed: dict[str, dict[str, Quantity]] = {}
+        for name, value in values.items():
+            section, key = name.split(".", 1)
+            now = float(round(value)) if UNITS[name] == "bit" else value
+            changed.setdefault(section, {})[key] = Quantity(value=now, source="varied by a study")
+        return self.model_copy(
+            update={section: getattr(self, section).model_copy(update=keys) for section, keys in changed.items()}
+        )
 
     @property
     def sha256(self) -> str:

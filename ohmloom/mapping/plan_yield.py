@@ -8,6 +8,7 @@ from ohmloom.errors import expect_type
 from ohmloom.mapping.grid import PARTNER, REFERENCE, SYNAPSE, tile_grid
 from ohmloom.mapping.hardware import Hardware
 from ohmloom.mapping.plan import Plan
+from ohmloom.mapping.repair import BoolArray
 from ohmloom.mapping.yield_ import Yield, sample_yield
 
 FAULTS = ("stuck_on", "stuck_off", "forming")
@@ -21,6 +22,14 @@ def fault_probabilities(hardware: Hardware) -> tuple[float, float] | None:
     found = [getattr(hardware.nonidealities, name) for name in FAULTS]
     on, off, forming = (0.0 if q is None else q.value for q in found)
     return (on, (1.0 - on) * (1.0 - (1.0 - off) * (1.0 - forming))) if on + off + forming > 0.0 else None
+
+
+def needed_devices(plan: Plan, t: int) -> BoolArray:
+    """Where a device of tile `t` must work, axes (row, column): its lines without the spare ones, references last."""
+    tile = plan.tiles[t]
+    cell = tile_grid(plan, t).cell[: len(tile.rows)]
+    built = np.delete(cell, np.arange(len(tile.columns), len(tile.columns) + tile.spare_columns), axis=1)
+    return np.isin(built, (SYNAPSE, PARTNER, REFERENCE))
 
 
 def plan_yield(plan: Plan, *, dies: int = 400, rng: np.random.Generator) -> tuple[Yield, ...]:
@@ -55,10 +64,8 @@ def plan_yield(plan: Plan, *, dies: int = 400, rng: np.random.Generator) -> tupl
         return ()
     found = []
     for t, tile in enumerate(plan.tiles):
-        cell = tile_grid(plan, t).cell[: len(tile.rows)]
-        built = np.delete(cell, np.arange(len(tile.columns), len(tile.columns) + tile.spare_columns), axis=1)
         found.append(sample_yield(
-            np.isin(built, (SYNAPSE, PARTNER, REFERENCE)), stuck_on=faults[0], stuck_off=faults[1],
+            needed_devices(plan, t), stuck_on=faults[0], stuck_off=faults[1],
             spare_rows=tile.spare_rows, spare_columns=tile.spare_columns, dies=dies, rng=rng,
         ))  # fmt: skip
     return tuple(found)

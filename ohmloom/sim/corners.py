@@ -14,7 +14,6 @@ from ohmloom.sim.agreement import agreement
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.figures import FAIL, Figure
 from ohmloom.sim.sampling import sample_dies, start_key
-from ohmloom.sim.sensitivity import at
 from ohmloom.sim.statistics import Success
 from ohmloom.sim.verdict import study_figures, study_verdict
 
@@ -39,15 +38,15 @@ def _slow(hardware: Hardware) -> Hardware:
     values = wires | {"drive.threshold": threshold}
     if hardware.environment is not None:
         values["environment.temperature"] = max(HOT, hardware.environment.temperature.value)
-    return at(hardware, values)
+    return hardware.with_values(values)
 
 
 def _noisy(hardware: Hardware) -> Hardware:
-    return at(hardware, NOISY)
+    return hardware.with_values(NOISY)
 
 
 def _faulty(hardware: Hardware) -> Hardware:
-    return at(hardware, FAULTY)
+    return hardware.with_values(FAULTY)
 
 
 def _worst(hardware: Hardware) -> Hardware:

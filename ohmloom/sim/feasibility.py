@@ -21,8 +21,7 @@ from ohmloom.sim.exact_case import Case
 from ohmloom.sim.exactness import exact_box
 from ohmloom.sim.inversion import Needs, requirements
 from ohmloom.sim.lifetime import lifetime
-from ohmloom.sim.sampling import DieOutcome, sample_dies
-from ohmloom.sim.sampling import start_key as start_key
+from ohmloom.sim.sampling import DieOutcome, sample_dies, start_key
 from ohmloom.sim.sensitivity import screen
 from ohmloom.sim.statistics import Success
 from ohmloom.sim.trial import Trial, run_trial

@@ -25,7 +25,7 @@ from ohmloom.sim.agreement import Agreement
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.figures import FAIL, MARGINAL, MARGINAL_BELOW, NON_INFERIORITY, Figure
 from ohmloom.sim.sampling import Sampled, sample_dies
-from ohmloom.sim.sensitivity import Stream, at
+from ohmloom.sim.sensitivity import Stream
 from ohmloom.sim.verdict import all_ledgers, of_whole_trial
 from ohmloom.units import format_quantity
 
@@ -176,7 +176,7 @@ def _wires(case: Needs, margin: Callable[[Hardware], float]) -> Iterator[Lever]:
         now = max(both.values())
 
         def at_wire(r: float) -> float:
-            return _or_worst(lambda: margin(at(hardware, {f"wires.{n}": v * r / now for n, v in both.items()})))
+            return _or_worst(lambda: margin(hardware.with_values({f"wires.{n}": v * r / now for n, v in both.items()})))
 
         name = max(both, key=lambda n: both[n])
         yield Lever(parameter=f"wires.{name}", unit="Ohm", now=now, end=now / REACH, margin=at_wire,
@@ -202,7 +202,7 @@ def _read_error(case: Needs) -> Iterator[Lever]:
 
 def _placed_alike(plan: Plan, hardware: Hardware) -> Plan:
     """Placed again in as many tiles: smaller ones are another way to pass, with other costs."""
-    uncut = place(plan.network, at(hardware, {"limits.read_error": 1.0}))
+    uncut = place(plan.network, hardware.with_values({"limits.read_error": 1.0}))
     return uncut if len(uncut.tiles) == len(plan.tiles) else place(plan.network, hardware)
 
 
@@ -231,7 +231,7 @@ def _spread_of_thresholds(case: Needs, limit: float = array.MISFIRES_LIMIT) -> I
     if spread is not None and spread.value > 0.0:
 
         def margin(sigma: float) -> float:
-            changed = at(case.plan.hardware, {"nonidealities.threshold": sigma})
+            changed = case.plan.hardware.with_values({"nonidealities.threshold": sigma})
             value = array.threshold_margin(changed, case.nominal).value
             return 1.0 - (value or 0.0) / limit
 
@@ -248,7 +248,7 @@ def _simple(
         if quantity is not None and quantity.value > 0.0:
             end = quantity.value * REACH if up else quantity.value / REACH
             yield Lever(parameter=name, unit=UNITS[name], now=quantity.value, end=end, note=note,
-                        margin=lambda x: _margin(figure(case, at(case.plan.hardware, {name: x}))))  # fmt: skip
+                        margin=lambda x: _margin(figure(case, case.plan.hardware.with_values({name: x}))))  # fmt: skip
 
     return levers
 
@@ -298,7 +298,7 @@ def _spreads(case: Needs) -> Iterator[Lever]:
         return
 
     def margin(factor: float) -> float:
-        plan = replace(case.plan, hardware=at(hardware, {name: factor * x for name, x in spreads.items()}))
+        plan = replace(case.plan, hardware=hardware.with_values({name: factor * x for name, x in spreads.items()}))
         success = sample_dies(plan, case.arena, dies=SPREAD_DIES, seed=case.seed).success
         assert success is not None
         return MARGINAL_BELOW if success.hardware - success.ideal >= NON_INFERIORITY else -1.0

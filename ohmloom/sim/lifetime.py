@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ohmloom.mapping import Ledger, Plan
+from ohmloom.mapping.effects import retention_time
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS
 from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP
 from ohmloom.sim.figures_cost import TIMESTEP
@@ -31,7 +32,7 @@ def lifetime(plan: Plan, ledger: Ledger) -> tuple[dict[str, Any], ...]:
     """
     hardware = plan.hardware
     seconds = ledger.steps / STEPS_PER_TIMESTEP * TIMESTEP
-    retention = time_constant(plan)
+    retention = retention_time(hardware)
     rows: list[dict[str, Any]] = []
     for trial in TRIALS:
         error = None if retention is None else weight_errors(plan, trial * seconds / retention)
@@ -43,19 +44,6 @@ def lifetime(plan: Plan, ledger: Ledger) -> tuple[dict[str, Any], ...]:
             "worst_weight_error": None if error is None or not error.size else float(error.max()),
         })  # fmt: skip
     return tuple(rows)
-
-
-def time_constant(plan: Plan) -> float | None:
-    """Of retention at the array's temperature [s]; None where the spec declares none."""
-    retention, environment = plan.hardware.nonidealities.retention, plan.hardware.environment
-    if retention is None:
-        return None
-    if environment is None or environment.retention_activation is None:
-        return float(retention.value)
-    boltzmann = 8.617333262e-5  # eV/K, CODATA 2018
-    cold, hot = environment.card_temperature.value, environment.temperature.value
-    factor = math.exp(environment.retention_activation.value / boltzmann * (1.0 / hot - 1.0 / cold))
-    return float(retention.value) * factor
 
 
 def weight_errors(plan: Plan, decays: float) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
@@ -84,17 +84,21 @@ def sample_dies(
         if progress is not None and len(found[die]) == starts:
             progress(sum(len(one) == starts for one in found.values()), dies)
 
-    unit = _DieUnit(plan=plan, arena=arena, seed=seed, starts=starts)
+    unit, first = _DieUnit(plan=plan, arena=arena, seed=seed, starts=starts), None
     with stop_on_interrupt() as stopped:
         if dies:
-            run_units(unit, range(dies), workers=workers, stopped=stopped, report=take)
+            # The first die is tried here: a trial is kept of it, and reports of workers are numbers.
+            for row, trial in unit.tries(0):
+                take(0, row)
+                first = first or trial
+                if stopped():
+                    break
+        if dies > 1 and not stopped():
+            run_units(unit, range(1, dies), workers=workers, stopped=stopped, report=take)
         if stopped():
             raise KeyboardInterrupt
     outcomes = [outcome for die in sorted(found) for outcome, _ in found[die]]
     ledgers = [ledger for die in sorted(found) for _, ledger in found[die]]
-    first = None
-    if dies:
-        first = run_trial(EmulatedController(plan.sample(seed=seed, die=0)), arena, trial_key=start_key(seed, 0))
     return Sampled(
         success=_success(outcomes, starts, seed) if outcomes else None,
         outcomes=tuple(outcomes), ledgers=tuple(ledgers), first_trial=first,
@@ -118,6 +122,14 @@ class _DieUnit:
     starts: int
 
     def __call__(self, item: int, stopped: Stopped, report: Report, /) -> bool:
+        for row, _ in self.tries(item):
+            report(item, row)
+            if stopped():
+                return False
+        return True
+
+    def tries(self, item: int) -> Iterator[tuple[dict[str, float], Trial]]:
+        """Each start of a die: what is reported of it, and the hardware's trial."""
         ideal = SpikingController(self.plan.network)
         emulated = EmulatedController(self.plan.sample(seed=self.seed, die=item))
         for start in range(self.starts):
@@ -125,14 +137,11 @@ class _DieUnit:
             reached = run_trial(ideal, self.arena, trial_key=key).solved
             trial = run_trial(emulated, self.arena, trial_key=key)
             row = {"start": start, "trial_key": key, "ideal": reached, "hardware": trial.solved}
-            report(item, row | asdict(emulated.ledger))
-            if stopped():
-                return False
-        return True
+            yield row | asdict(emulated.ledger), trial
 
 
 def _from_row(die: int, row: dict[str, float]) -> tuple[DieOutcome, Ledger]:
-    ledger = Ledger(**{f.name: row[f.name] for f in fields(Ledger)})  # type: ignore[arg-type]  # ints stay ints
+    ledger = Ledger(**{f.name: row[f.name] for f in fields(Ledger)})  # type: ignore[arg-type]  # a report says float of every number; counts arrive as the ints that they were
     outcome = DieOutcome(
         die=die, start=int(row["start"]), trial_key=int(row["trial_key"]), ideal=bool(row["ideal"]),
         hardware=bool(row["hardware"]), lost=ledger.lost, spurious=ledger.spurious, most_pulses=ledger.most_pulses,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmloom._arrays import FloatArray
 from ohmloom.errors import expect_integer
-from ohmloom.mapping import EmulatedController, Hardware, Plan, Quantity
+from ohmloom.mapping import EmulatedController, Hardware, Plan
 from ohmloom.mapping.hardware import UNITS
 from ohmloom.mapping.nonidealities import EFFECTS
 from ohmloom.neurocontroller import SpikingController
@@ -66,18 +66,6 @@ def _around(key: str, value: float) -> tuple[float, float]:
     return 0.0, min(2.0 * value, 1.0) if key in ("stuck_on", "stuck_off", "forming", "asymmetry") else 2.0 * value
 
 
-def at(hardware: Hardware, values: dict[str, float]) -> Hardware:
-    """The same spec with other values, by dotted names."""
-    changed: dict[str, dict[str, Quantity]] = {}
-    for name, value in values.items():
-        section, key = name.split(".", 1)
-        now = float(round(value)) if UNITS[name] == "bit" else value
-        changed.setdefault(section, {})[key] = Quantity(value=now, source="varied by a study")
-    return hardware.model_copy(
-        update={section: getattr(hardware, section).model_copy(update=keys) for section, keys in changed.items()}
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stream:
     """Sensor values of the ideal controller's own trial and its actions, axes (timestep, 6) and (timestep,)."""
@@ -117,7 +105,7 @@ class _RowUnit:
         row = {}
         for k, point in enumerate(self.sample[item]):
             values = {x.name: x.low + u * (x.high - x.low) for x, u in zip(self.factors, point, strict=True)}
-            changed = replace(self.plan, hardware=at(self.plan.hardware, values))
+            changed = replace(self.plan, hardware=self.plan.hardware.with_values(values))
             row[str(k)] = action_agreement(changed, self.stream, seed=self.seed)
             if stopped():
                 return False

@@ -14,6 +14,7 @@ import numpy as np
 from ohmloom._arrays import FloatArray
 from ohmloom.mapping import Die, EmulatedController
 from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS
+from ohmloom.neurocontroller.plain import stdp_sign
 from ohmloom.neurocontroller.readings import STEPS_PER_TIMESTEP
 
 TIMESTEPS = 200  # at most: with some five events a timestep a weight has crossed its range by then
@@ -55,6 +56,8 @@ def writing_divergence(die: Die, sensors: FloatArray, *, timesteps: int = TIMEST
     charge = np.array([one.start for one in lattices], dtype=np.int64)
     event = np.array([one.event for one in lattices], dtype=np.int64)
     top = np.array([one.top for one in lattices], dtype=np.int64)
+    levels = range(r.last_spike + 1)
+    rule = np.array([[stdp_sign(a, b, r.stdp_threshold) for b in levels] for a in levels])
     ls = np.zeros(network.neurons, dtype=np.int64)
     squares = []
     for values in sensors[:timesteps]:
@@ -63,9 +66,7 @@ def writing_divergence(die: Die, sensors: FloatArray, *, timesteps: int = TIMEST
             ls[:] = 0
         for _ in range(STEPS_PER_TIMESTEP):
             ls[emulated.spikes(values)] = r.last_spike
-            # Eqs. 10 and 11.
-            sign = np.where(ls[pre] + ls[post] > r.stdp_threshold, np.sign(ls[post] - ls[pre]), 0)
-            charge = np.clip(charge + sign * event, 0, top)
+            charge = np.clip(charge + rule[ls[pre], ls[post]] * event, 0, top)
             np.maximum(ls - 1, 0, out=ls)
         ruled = np.array([one.weight(int(q)) for one, q in zip(lattices, charge, strict=True)])
         squares.append((emulated.weights[plastic] - ruled) ** 2)

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ohmloom.errors import expect_integer
-from ohmloom.mapping import Plan, tile_grid
-from ohmloom.mapping.grid import PARTNER, REFERENCE, SYNAPSE
-from ohmloom.mapping.plan_yield import fault_probabilities
+from ohmloom.mapping import Plan
+from ohmloom.mapping.plan_yield import fault_probabilities, needed_devices
 from ohmloom.mapping.repair import repair, unrepaired
 from ohmloom.mapping.yield_ import draw_faults, wilson
 
@@ -69,7 +68,7 @@ def yield_curves(
         If `dies` is no integer >= 1, or `seed` is negative.
     """
     dies, seed = expect_integer("yield_curves.dies", dies, 1), expect_integer("yield_curves.seed", seed)
-    demands = [_demand(plan, t) for t in range(len(plan.tiles))]
+    demands = [needed_devices(plan, t) for t in range(len(plan.tiles))]
     declared = fault_probabilities(plan.hardware)
     on = STUCK_ON_SHARE if declared is None else declared[0] / sum(declared)
     points = []
@@ -96,11 +95,3 @@ def _works(demand: Any, rate: float, on: float, kind: str, rows: int, columns: i
     faults = draw_faults(shape, stuck_on=rate * on, stuck_off=rate * (1.0 - on), rng=of_faults)
     found = unrepaired(faults, demand) if kind == "none" else repair(faults, demand, rng=of_starts)
     return found.is_complete
-
-
-def _demand(plan: Plan, t: int) -> Any:
-    """Whether a device must work there, axes (row, column), without the spare lines that the plan has."""
-    tile = plan.tiles[t]
-    cell = tile_grid(plan, t).cell[: len(tile.rows)]
-    built = np.delete(cell, np.arange(len(tile.columns), len(tile.columns) + tile.spare_columns), axis=1)
-    return np.isin(built, (SYNAPSE, PARTNER, REFERENCE))

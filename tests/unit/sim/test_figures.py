@@ -13,7 +13,6 @@ from ohmloom.sim import figures as f
 from ohmloom.sim import figures_array as array
 from ohmloom.sim import figures_behaviour as behaviour
 from ohmloom.sim import figures_cost as cost
-from ohmloom.sim.sensitivity import at
 from ohmloom.sim.statistics import paired_success
 from ohmloom.sim.verdict import study_verdict
 
@@ -256,7 +255,7 @@ def test_yield_is_one_only_where_nothing_is_said_of_faults():
     network = Network.random(system="HP", rng=np.random.default_rng(1))
     assert array.yield_(ideal, place(network, ideal), seed=0, dies=0).status == "PASS"
     assert array.yield_(HARDWARE, place(network, HARDWARE), seed=0, dies=0).status == "ASSUMED"
-    faulty = at(ideal, {"nonidealities.stuck_on": 0.003})  # no permutation hides a short
+    faulty = ideal.with_values({"nonidealities.stuck_on": 0.003})  # no permutation hides a short
     figure = array.yield_(faulty, place(network, faulty), seed=0, dies=5)
     assert 0.0 < figure.value < 1.0
     assert (figure.limit, figure.status) == (None, "ASSUMED")

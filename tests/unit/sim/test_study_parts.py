@@ -14,7 +14,7 @@ from ohmloom.sim.comparison import not_built, rank_studies, why_not_built
 from ohmloom.sim.inversion import Lever, Needs, least_change, requirements
 from ohmloom.sim.lifetime import lifetime, weight_errors
 from ohmloom.sim.sampling import sample_dies, start_key
-from ohmloom.sim.sensitivity import Stream, action_agreement, at, declared_spreads, screen
+from ohmloom.sim.sensitivity import Stream, action_agreement, declared_spreads, screen
 from ohmloom.sim.verdict import all_ledgers, of_whole_trial
 from ohmloom.sim.writing import writing_divergence
 from ohmloom.sim.yield_study import yield_curves
@@ -22,7 +22,7 @@ from ohmloom.sim.yield_study import yield_curves
 SHORT = Arena(max_timesteps=30)
 NETWORK = Network.random(system="HP", rng=np.random.default_rng(3), hidden=4)
 IDEAL = Hardware.load("ideal")
-SPREAD = at(IDEAL, {"nonidealities.event_charge": 0.1, "nonidealities.write_verify": 0.02})
+SPREAD = IDEAL.with_values({"nonidealities.event_charge": 0.1, "nonidealities.write_verify": 0.02})
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_yield_without_repair_is_the_formula(plan):
 
 
 def test_lifetime_is_wear_and_decay_by_hand(plan, check):
-    hardware = at(SPREAD, {"nonidealities.retention": 1e4, "endurance.pulses": 1e6})
+    hardware = SPREAD.with_values({"nonidealities.retention": 1e4, "endurance.pulses": 1e6})
     aged = replace(plan, hardware=hardware)
     rows = lifetime(aged, check.ledger)
     row = next(row for row in rows if row["trial"] == 1000)
@@ -103,7 +103,7 @@ def needs(network, hardware, check):
 
 
 def test_read_error_needs_a_resistance_that_indeed_passes(check):
-    hardware = at(IDEAL, {"wires.r_row": 10.0, "wires.r_column": 10.0})
+    hardware = IDEAL.with_values({"wires.r_row": 10.0, "wires.r_column": 10.0})
     hardware = hardware.model_copy(
         update={"cards": {**hardware.cards, "hp": "hp_tio2"},
                 "drive": hardware.drive.model_copy(update={"parallelism": "column"})}
@@ -113,7 +113,7 @@ def test_read_error_needs_a_resistance_that_indeed_passes(check):
     assert figure.status == "FAIL"
     rows = {row["parameter"]: row for row in requirements((figure,), case)}
     assert set(rows) == {"devices.hp.r_on", "wires.r_row"}
-    passing = at(hardware, dict.fromkeys(("wires.r_row", "wires.r_column"), rows["wires.r_row"]["needed"]))
+    passing = hardware.with_values(dict.fromkeys(("wires.r_row", "wires.r_column"), rows["wires.r_row"]["needed"]))
     assert array.read_error(passing, place(NETWORK, passing)).margin == pytest.approx(0.2, abs=0.01)
     # The error goes with r / R_on, so that both ways ask for the same ratio.
     r_on = rows["devices.hp.r_on"]
@@ -124,11 +124,11 @@ def test_read_error_needs_a_resistance_that_indeed_passes(check):
 
 
 def test_thresholds_spread_that_is_needed_gives_less_than_one_misfire(check):
-    hardware = at(IDEAL, {"nonidealities.threshold": 0.3})
+    hardware = IDEAL.with_values({"nonidealities.threshold": 0.3})
     figure = array.threshold_margin(hardware, check.ledger)
     assert figure.status == "FAIL"
     (row,) = requirements((figure,), needs(NETWORK, hardware, check))
-    narrower = at(hardware, {row["parameter"]: row["needed"]})
+    narrower = hardware.with_values({row["parameter"]: row["needed"]})
     assert array.threshold_margin(narrower, check.ledger).value == pytest.approx(0.8, rel=0.1)
 
 
@@ -153,13 +153,13 @@ def test_spreads_are_the_declared_ones_with_their_ranges():
 def test_without_spread_hardware_acts_as_the_ideal_controller(plan):
     stream = Stream.of(plan, SHORT, seed=0)
     assert action_agreement(place(NETWORK, IDEAL), stream, seed=0) == 1.0
-    noisy = replace(plan, hardware=at(SPREAD, {"nonidealities.neuron_threshold": 0.5}))
+    noisy = replace(plan, hardware=SPREAD.with_values({"nonidealities.neuron_threshold": 0.5}))
     assert action_agreement(noisy, stream, seed=0) < 1.0
 
 
 def test_screening_finds_the_spread_that_matters(plan):
     # A threshold spread of up to 50 % of y_thresh beside a charge error that is next to nothing.
-    hardware = at(IDEAL, {"nonidealities.neuron_threshold": 0.25, "nonidealities.event_charge": 1e-9})
+    hardware = IDEAL.with_values({"nonidealities.neuron_threshold": 0.25, "nonidealities.event_charge": 1e-9})
     found = screen(replace(plan, hardware=hardware), SHORT, trajectories=6, base=8)
     assert [factor["name"] for factor in found["factors"]] == [
         "nonidealities.neuron_threshold", "nonidealities.event_charge",
@@ -208,7 +208,7 @@ def test_unknown_study_and_no_starts_are_refused():
 
 def test_comparison_ranks_by_verdict_and_lists_what_cannot_be_built_last():
     strukov = Hardware.load("hp_strukov")
-    fails = feasibility(NETWORK, at(IDEAL, {"limits.useful_event_range": 500.0}), dies=0, arena=SHORT)
+    fails = feasibility(NETWORK, IDEAL.with_values({"limits.useful_event_range": 500.0}), dies=0, arena=SHORT)
     better = feasibility(NETWORK, IDEAL, dies=0, arena=SHORT)
     peo = Hardware.load("peo_pani")
     reason = why_not_built(NETWORK, peo)
