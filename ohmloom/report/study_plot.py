@@ -95,6 +95,7 @@ def plot_success(running: Sequence[Success], ax: Axes | None = None) -> Axes:
         ax.plot(dies, [getattr(one, name) for one in running], color=colour, linewidth=2,
                 linestyle="-" if name == "ideal" else "--", gid=f"success {name}", label=name)  # fmt: skip
     ax.set(xlim=(0, dies[-1]), ylim=(-0.03, 1.03), xlabel="dies tried", ylabel="reached the goal")
+    ax.locator_params(axis="x", integer=True)
     return _legend(ax)
 
 
@@ -111,6 +112,7 @@ def plot_difference(running: Sequence[Success], ax: Axes | None = None) -> Axes:
         100.0 * NON_INFERIORITY, color=LIMIT_COLOUR, linewidth=1.2, linestyle=":", label="limit of its lower end"
     )
     ax.set(xlim=(0, dies[-1]), xlabel="dies tried", ylabel="difference [points]")
+    ax.locator_params(axis="x", integer=True)
     return _legend(ax)
 
 

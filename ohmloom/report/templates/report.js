@@ -87,7 +87,8 @@
   const player = document.getElementById("player");
   if (player) {
     const sides = [...player.querySelectorAll(".side")].map((side, k) => [side, data("replay-" + k)]);
-    replayPlayer(player, sides, player);
+    // Shown first: what is hidden has no width to draw on.
     document.documentElement.classList.add("plays");
+    replayPlayer(player, sides, player);
   }
 })();
