@@ -5,7 +5,8 @@ import pytest
 
 from ohmloom.circuits import Crossbar
 from ohmloom.mapping import EmulatedController, Hardware, place
-from ohmloom.mapping.fabric import build_fabric, line_delay
+from ohmloom.mapping.effects import line_delay
+from ohmloom.mapping.fabric import build_fabric
 from ohmloom.mapping.waveform import WAVEFORMS
 from ohmloom.neurocontroller import Network, Synapse
 from ohmloom.neurocontroller.plain import stdp_sign
