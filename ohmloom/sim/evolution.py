@@ -43,7 +43,7 @@ from ohmloom.sim.population import PopulationState
 from ohmloom.sim.run_files import REDO, check_checkpoint, last_row, read_outcome
 from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
 
-FORMAT, VERSION = "ohmloom.run", 1
+FORMAT, VERSION = "ohmloom.run", 2
 OBSERVE_EVERY = 20  # Section IX
 
 
@@ -122,13 +122,18 @@ class EvolutionSettings(OpenSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class Repeat:
-    """Outcome of one repeat: best network's file, fitness, success, and when the goal was first reached."""
+    """Outcome of one repeat: best network's file, fitness, success, and when the goal was first reached.
+
+    Trials are counted from 0; in the dynamic task the first reward is that of the first part.
+    """
 
     repeat: int
     best_fitness: float
     best_success: float
     mean_fitness: float
     first_solved: int | None
+    first_reward_trial: int | None
+    first_solved_trial: int | None
     network: Path
 
 
@@ -330,7 +335,8 @@ def _publish(
         "seed": settings.seed, "repeat": repeat, "generation": settings.generations, "fitness": best.fitness,
         "task": settings.task, "starts": settings.starts, "trial_key": best.trial_keys[0],
         "trial_keys": best.trial_keys, "solved": best.solved, "trials": best.trials,
-        "first_solved": population.first_solved,
+        "first_solved": population.first_solved, "first_reward_trial": population.first_reward_trial,
+        "first_solved_trial": population.first_solved_trial, "trials_in_all": population.trials,
     }  # fmt: skip
     # The network's file marks the repeat as done, so it comes last.
     network = best.network.replace(name=_stem(settings, repeat), provenance=provenance)
@@ -353,7 +359,8 @@ def _collect(folder: Path, settings: EvolutionSettings) -> Evolution:
         last = last_row(folder / "tables" / f"{_stem(settings, k)}.csv", path)
         outcome = Repeat(
             repeat=k, best_fitness=found.fitness, best_success=found.solved / found.trials,
-            mean_fitness=float(last["mean_fitness"]), first_solved=found.first_solved, network=path,
+            mean_fitness=float(last["mean_fitness"]), first_solved=found.first_solved,
+            first_reward_trial=found.first_reward_trial, first_solved_trial=found.first_solved_trial, network=path,
         )  # fmt: skip
         repeats.append(outcome)
         first = "" if outcome.first_solved is None else outcome.first_solved

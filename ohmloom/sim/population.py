@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray
 from ohmloom._files import validate
 from ohmloom.errors import FileFormatError, ParameterError
 from ohmloom.neurocontroller import Adaptation, Network, Readings, SpikingController, mutate
+from ohmloom.neurocontroller.census import LAYERS, count_synapses
 from ohmloom.neurocontroller.variation import INITIAL_RANGES
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.run_files import PopulationTable
@@ -51,15 +53,18 @@ def start_keys(trial_key: int, starts: int) -> list[int]:
     return [trial_key, *(int(word) for word in words)]
 
 
-def run_starts(network: Network, arena: Arena, keys: Sequence[int]) -> tuple[FloatArray, int]:
-    """Fitness of each trial, axes (start,), and how many reached the goal."""
+def run_starts(network: Network, arena: Arena, keys: Sequence[int]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Fitness of each trial and whether it reached the goal, axes (start,)."""
     controller = SpikingController(network)
-    fitness, solved = np.zeros(len(keys)), 0
+    fitness, solved = np.zeros(len(keys)), np.zeros(len(keys), dtype=np.bool_)
     for k, key in enumerate(keys):
-        value, is_solved, _ = trial_fitness(controller, arena, key)
-        fitness[k] = value
-        solved += is_solved
+        fitness[k], solved[k], _ = trial_fitness(controller, arena, key)
     return fitness, solved
+
+
+def _first(known: int | None, before: int, hits: npt.NDArray[np.bool_]) -> int | None:
+    """Number of the first trial, from 0, that is a hit; `hits` are those after `before` others."""
+    return before + int(np.argmax(hits)) if known is None and hits.any() else known
 
 
 def roulette(fitness: FloatArray, rng: np.random.Generator) -> int:
@@ -83,7 +88,10 @@ class PopulationState:
         self.individuals: list[IndividualState] = []
         self.generation = 0
         self.births = 0
+        self.trials = 0
         self.first_solved: int | None = None
+        self.first_reward_trial: int | None = None
+        self.first_solved_trial: int | None = None
 
     def found(self, system: str, enable_probability: float, readings: Readings) -> None:
         """One more network of generation 0: random, and tried."""
@@ -108,7 +116,7 @@ class PopulationState:
         return max(self.individuals, key=lambda individual: individual.fitness)
 
     def observe(self) -> dict[str, float]:
-        """Means over the population, as the paper's tables have them."""
+        """Means over the population, as the paper's tables have them, and the best network's synapses by layer."""
         best, members = self.best(), self.individuals
         row: dict[str, float] = {
             "generation": self.generation,
@@ -122,6 +130,8 @@ class PopulationState:
         }
         for name in INITIAL_RANGES:
             row[name] = float(np.mean([getattr(m.network.adaptation, name) for m in members]))
+        for name in LAYERS:
+            row |= {f"best_{kind}_{name}": count for kind, count in count_synapses(best.network, name).items()}
         return row
 
     def _join(self, network: Network) -> None:
@@ -132,12 +142,17 @@ class PopulationState:
 
     def _try(self, individual: IndividualState) -> None:
         key = draw_trial_key(self.rng)
-        fitness, solved = run_starts(individual.network, self.arena, start_keys(key, self.starts))
+        fitness, reached = run_starts(individual.network, self.arena, start_keys(key, self.starts))
+        solved = int(reached.sum())
         individual.trial_keys.append(key)
         # The floor of eq. 14 belongs to the static task; the dynamic one counts rewards from 0.
         individual.total += float(fitness.sum())
         individual.solved += solved
         individual.trials += self.starts
+        rewarded = fitness >= 1.0 if self.arena.task == "dynamic" else reached
+        self.first_reward_trial = _first(self.first_reward_trial, self.trials, rewarded)
+        self.first_solved_trial = _first(self.first_solved_trial, self.trials, reached)
+        self.trials += self.starts
         if solved and self.first_solved is None:
             self.first_solved = self.generation
 
@@ -146,7 +161,10 @@ class PopulationState:
         return {
             "generation": self.generation,
             "births": self.births,
+            "trials": self.trials,
             "first_solved": self.first_solved,
+            "first_reward_trial": self.first_reward_trial,
+            "first_solved_trial": self.first_solved_trial,
             "generator": self.rng.bit_generator.state,
             "individuals": [
                 {
@@ -175,7 +193,8 @@ class PopulationState:
             for k, entry in enumerate(table["individuals"])
         ]
         self.generation, self.births = table["generation"], table["births"]
-        self.first_solved = table["first_solved"]
+        self.trials, self.first_solved = table["trials"], table["first_solved"]
+        self.first_reward_trial, self.first_solved_trial = table["first_reward_trial"], table["first_solved_trial"]
         self.rng.bit_generator.state = table["generator"]
         self.individuals = individuals
 

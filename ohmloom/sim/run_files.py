@@ -71,7 +71,10 @@ class PopulationTable(StrictModel):
 
     generation: Count
     births: Count
+    trials: Count
     first_solved: Count | None
+    first_reward_trial: Count | None
+    first_solved_trial: Count | None
     generator: GeneratorEntry
     individuals: list[IndividualEntry]
 
@@ -100,6 +103,18 @@ class Row(StrictModel):
     psi: Rate
     omega: Rate
     tau: Rate
+    best_hp_input_hidden: Count
+    best_peo_pani_input_hidden: Count
+    best_linear_input_hidden: Count
+    best_constant_input_hidden: Count
+    best_hp_hidden_hidden: Count
+    best_peo_pani_hidden_hidden: Count
+    best_linear_hidden_hidden: Count
+    best_constant_hidden_hidden: Count
+    best_hp_hidden_output: Count
+    best_peo_pani_hidden_output: Count
+    best_linear_hidden_output: Count
+    best_constant_hidden_output: Count
 
 
 class CheckpointFile(StrictModel):
@@ -145,6 +160,8 @@ class Outcome(StrictModel):
     solved: int = Field(ge=0)
     trials: int = Field(ge=1)
     first_solved: int | None
+    first_reward_trial: int | None
+    first_solved_trial: int | None
 
 
 def read_outcome(path: Path) -> Outcome:
@@ -170,7 +187,9 @@ def last_row(path: Path, network: Path) -> dict[str, str]:
         raise FileFormatError(f"{path}: expected a table of {', '.join(names)}, got {shown(lines[:1])}. {redo}")
     last = dict(zip(names, lines[-1].split(","), strict=False))
     try:
-        numbers: dict[str, Any] = {k: int(v) if k == "generation" else float(v) for k, v in last.items()}
+        numbers: dict[str, Any] = {
+            k: int(v) if Row.model_fields[k].annotation is int else float(v) for k, v in last.items()
+        }
         Row(**numbers)
     except ValueError as error:
         raise FileFormatError(f"{path}: expected numbers in the last row, got {shown(lines[-1])}. {redo}") from error

@@ -48,7 +48,7 @@ def test_what_a_run_folder_holds(reference):
         "run.json", "tables/HET_0.csv", "tables/HET_1.csv", "tables/summary.csv",
     ]  # fmt: skip
     run = json.loads((folder / "run.json").read_text())
-    assert (run["format"], run["version"]) == ("ohmloom.run", 1)
+    assert (run["format"], run["version"]) == ("ohmloom.run", 2)
     assert EvolutionSettings(**run["settings"] | {"readings": Readings(**run["settings"]["readings"])}) == SMALL
     with (folder / "tables" / "HET_0.csv").open() as file:
         rows = list(csv.DictReader(file))

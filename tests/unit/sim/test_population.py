@@ -65,7 +65,7 @@ class Fixed:
 
     def __call__(self, network, arena, keys):
         self.keys.append(list(keys))
-        return np.full(len(keys), self.values.pop(0)), 0
+        return np.full(len(keys), self.values.pop(0)), np.zeros(len(keys), dtype=bool)
 
 
 def test_the_two_worst_of_all_leave(monkeypatch):
@@ -169,3 +169,29 @@ def test_observations_are_means_over_the_population():
     assert (row["best_fitness"], row["mean_fitness"]) == (6.0, 3.0)
     assert (row["nodes"], row["hidden"]) == (10.0, 2.0)
     assert row["connectivity"] == pytest.approx(np.mean([i.network.connectivity for i in state.individuals]))
+
+
+def test_first_reward_and_first_solution_are_counted_in_trials(monkeypatch):
+    outcomes = iter([([0.0, 0.0], [False, False]), ([0.0, 1.0], [False, False]), ([2.0, 1.0], [True, False])])
+
+    def trials(network, arena, keys):
+        fitness, reached = next(outcomes)
+        return np.array(fitness), np.array(reached)
+
+    monkeypatch.setattr(population, "run_starts", trials)
+    state = PopulationState(Arena(task="dynamic"), np.random.default_rng(1), starts=2, reevaluate=False)
+    found(state, "HET", 3)
+    assert (state.first_reward_trial, state.first_solved_trial, state.trials) == (3, 4, 6)
+    again = PopulationState(Arena(task="dynamic"), np.random.default_rng(2), starts=2, reevaluate=False)
+    again.restore(state.to_table(), "HET", Readings())
+    assert again.to_table() == state.to_table()
+
+
+def test_an_observation_counts_the_best_networks_synapses_by_layer():
+    state = made_of([1.0, 4.0, 2.0])
+    row, best = state.observe(), state.best().network
+    counts = {name: value for name, value in row.items() if name.startswith("best_") and isinstance(value, int)}
+    assert len(counts) == 12
+    assert sum(counts.values()) == len(best.synapses)
+    outputs = range(6 + len(best.hidden), best.neurons)
+    assert counts["best_hp_hidden_output"] == sum(s.kind == "hp" and s.post in outputs for s in best.synapses)
