@@ -26,19 +26,22 @@ def _polarity(network: Network, neuron: int) -> str | None:
     return network.hidden[hidden] if 0 <= hidden < len(network.hidden) else None
 
 
+def _joins(layers: str) -> Place:
+    return lambda network, synapse: layer(network, synapse) == layers
+
+
+def _is_at(end: str, polarity: str) -> Place:
+    return lambda network, synapse: _polarity(network, getattr(synapse, end)) == polarity
+
+
 # Each place that the paper counts synapses in. Inputs and outputs have no type of their own there.
 PLACES: Final[dict[str, Place]] = {
     "all": lambda network, synapse: True,
-    **{name: (lambda network, synapse, name=name: layer(network, synapse) == name) for name in LAYERS},
-    **{
-        f"{end}_{polarity}": (
-            lambda network, synapse, end=end, polarity=polarity: (
-                _polarity(network, getattr(synapse, end)) == polarity
-            )
-        )
-        for end in ("pre", "post")
-        for polarity in ("excitatory", "inhibitory")
-    },
+    **{name: _joins(name) for name in LAYERS},
+    "pre_excitatory": _is_at("pre", "excitatory"),
+    "pre_inhibitory": _is_at("pre", "inhibitory"),
+    "post_excitatory": _is_at("post", "excitatory"),
+    "post_inhibitory": _is_at("post", "inhibitory"),
     "infrared": lambda network, synapse: synapse.pre < INFRARED,
     "light": lambda network, synapse: INFRARED <= synapse.pre < INPUTS,
 }

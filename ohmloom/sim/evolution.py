@@ -16,7 +16,6 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ohmloom import __version__
 from ohmloom._files import (
     StrictModel,
     advise,
@@ -32,19 +31,20 @@ from ohmloom.errors import (
     FileFormatError,
     Interrupted,
     ParameterError,
-    SettingsConflictError,
     expect_integer,
     expect_type,
     shown,
 )
 from ohmloom.neurocontroller import SYSTEMS, Readings
-from ohmloom.sim.arena import Arena
+from ohmloom.sim.arena import LARGEST, SMALLEST, Arena
 from ohmloom.sim.population import PopulationState
 from ohmloom.sim.run_files import REDO, check_checkpoint, last_row, read_outcome
+from ohmloom.sim.run_folder import claim
 from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
 
 FORMAT, VERSION = "ohmloom.run", 2
 OBSERVE_EVERY = 20  # Section IX
+ARENA_SETTINGS = ("shadow", "slip_mode", "second_part_start", "axle", "ir_range", "light_saturation")
 
 
 class OpenSettings(StrictModel):
@@ -52,8 +52,8 @@ class OpenSettings(StrictModel):
 
     Attributes
     ----------
-    shadow, slip_mode, second_part_start
-        Settings of the arena.
+    shadow, slip_mode, second_part_start, axle, ir_range, light_saturation
+        Settings of the arena, see `Arena`.
     enable_probability
         Probability that a legal synapse exists at birth.
     readings
@@ -63,6 +63,9 @@ class OpenSettings(StrictModel):
     shadow: bool = False
     slip_mode: Literal["stall", "uniform"] = "stall"
     second_part_start: Literal["goal", "start"] = "goal"
+    axle: float = Field(default=Arena.axle, ge=SMALLEST, le=LARGEST)
+    ir_range: float = Field(default=Arena.ir_range, ge=SMALLEST, le=LARGEST)
+    light_saturation: float = Field(default=Arena.light_saturation, ge=SMALLEST, le=LARGEST)
     enable_probability: float = Field(default=0.5, ge=0.0, le=1.0)
     readings: Readings = Readings()
 
@@ -97,7 +100,7 @@ class EvolutionSettings(OpenSettings):
         Whether a parent is tried again on fresh starts each time it is used; fitness is the mean over all.
     task
         ``static`` or ``dynamic``.
-    shadow, slip_mode, second_part_start, enable_probability, readings
+    shadow, slip_mode, second_part_start, axle, ir_range, light_saturation, enable_probability, readings
         See `OpenSettings`.
     """
 
@@ -112,12 +115,7 @@ class EvolutionSettings(OpenSettings):
 
     def arena(self) -> Arena:
         """The arena of these settings."""
-        return Arena(
-            task=self.task,
-            shadow=self.shadow,
-            slip_mode=self.slip_mode,
-            second_part_start=self.second_part_start,
-        )
+        return Arena(task=self.task, **{name: getattr(self, name) for name in ARENA_SETTINGS})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +204,8 @@ def evolve(
     if not isinstance(settings, EvolutionSettings):
         settings = EvolutionSettings(**{str(name): value for name, value in settings.items()})
     folder = Path(out)
-    _claim(folder, settings)
+    wanted = {"command": "evolve", "settings": settings.model_dump(), "arena": settings.arena().settings()}
+    claim(folder, FORMAT, VERSION, wanted, tidy=partial(_tidy, folder, settings))
     todo = [k for k in range(settings.repeats) if not _network_path(folder, settings, k).exists()]
     if todo:
         with stop_on_interrupt() as stopped:
@@ -217,48 +216,11 @@ def evolve(
     return _collect(folder, settings)
 
 
-def _claim(folder: Path, settings: EvolutionSettings) -> None:
-    path = folder / "run.json"
-    wanted: dict[str, Any] = {"format": FORMAT, "version": VERSION, "ohmloom": __version__, "command": "evolve"}
-    wanted |= {"settings": settings.model_dump(), "arena": settings.arena().settings()}
-    if os.path.exists(path):
-        found = parse_json(read_bytes(path, "run"), str(path))
-        check_format(found, str(path), FORMAT, VERSION)
-        _tidy(folder, settings)
-        difference = _first_difference(found, json.loads(json.dumps(wanted)), "")
-        if difference:
-            raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the settings of that run.")
-        return
-    if os.path.exists(folder):
-        if not folder.is_dir():
-            raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, got a file. "
-                                        "Use another --out.")  # fmt: skip
-        leftover = re.compile(r"\.run\.json\.[a-z0-9_]{8}")  # of a write of run.json that was killed
-        if any(not leftover.fullmatch(entry.name) for entry in folder.iterdir()):
-            raise SettingsConflictError(f"{folder}: expected a new folder or a run folder, "
-                                        "got one with other files. Use another --out.")  # fmt: skip
-        _tidy(folder, settings)
-    write_atomic(path, json.dumps(wanted, indent=1) + "\n")
-
-
 def _tidy(folder: Path, settings: EvolutionSettings) -> None:
     """Remove half-written files of a run that was killed."""
     ours = re.compile(rf"(run\.json|summary\.csv|{settings.system}_\d+\.(net\.json|json|csv))")
     for part in (folder, *(folder / name for name in ("networks", "populations", "tables"))):
         remove_temporaries(part, lambda name: ours.fullmatch(name) is not None)
-
-
-def _first_difference(found: Any, wanted: Any, field: str) -> str | None:
-    if isinstance(found, dict) and isinstance(wanted, dict):
-        for key in [*wanted, *(k for k in found if k not in wanted)]:
-            name = f"{field}.{key}" if field else key
-            if key not in found or key not in wanted:
-                return f"{name}: expected {wanted.get(key)!r}, got {found.get(key)!r}"
-            deeper = _first_difference(found[key], wanted[key], name)
-            if deeper:
-                return deeper
-        return None
-    return None if found == wanted else f"{field}: expected {wanted!r}, got {found!r}"
 
 
 def _stem(settings: EvolutionSettings, repeat: int) -> str:
