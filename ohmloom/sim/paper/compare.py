@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ class Difference:
     Attributes
     ----------
     n
-        Sizes of both samples, censored values left out.
+        Sizes of both samples, censored values included.
     value, interval
         Difference of the means and its 95 % interval (Welch).
     p
@@ -29,8 +30,9 @@ class Difference:
         Hedges' g: the difference in pooled standard deviations, small-sample corrected.
     p_holm
         `p` after Holm's correction over the family that the difference was tested in.
-    p_rank
-        Log-rank test of all values, censored ones as "later than"; None where nothing was censored.
+    p_rank, is_later
+        Log-rank test of all values, censored ones as "later than", and whether the first sample's come later; None
+        where nothing was censored.
     """
 
     n: tuple[int, int]
@@ -40,6 +42,7 @@ class Difference:
     effect: float
     p_holm: float = math.nan
     p_rank: float | None = None
+    is_later: bool | None = None
 
 
 def welch(first: FloatArray, second: FloatArray) -> Difference:
@@ -59,7 +62,10 @@ def welch(first: FloatArray, second: FloatArray) -> Difference:
     if pooled == 0.0:  # no spread at all, and so no test
         p = 1.0 if value == 0.0 else 0.0
         return Difference(n=n, value=value, interval=(value, value), p=p, effect=0.0 if value == 0.0 else math.inf)
-    found = ttest_ind(first, second, equal_var=False)
+    with warnings.catch_warnings():
+        # One sample may well hold the same value throughout; the other's variance then carries the test.
+        warnings.filterwarnings("ignore", message="Precision loss", category=RuntimeWarning)
+        found = ttest_ind(first, second, equal_var=False)
     interval = found.confidence_interval(0.95)
     correction = 1.0 - 3.0 / (4.0 * sum(n) - 9.0)
     return Difference(
@@ -68,15 +74,25 @@ def welch(first: FloatArray, second: FloatArray) -> Difference:
     )  # fmt: skip
 
 
-def rank_test(first: FloatArray, second: FloatArray, ends: tuple[float, float]) -> float:
-    """Log-rank p of two samples of times; NaN is an event that had not happened by the sample's end."""
+def rank_test(first: FloatArray, second: FloatArray, ends: tuple[float, float]) -> tuple[float, bool]:
+    """Log-rank p of two samples of times, and whether the first comes later; NaN is what had not happened by its end.
+
+    The p is NaN where nothing happened, or everything at once.
+
+    >>> p, is_later = rank_test(np.array([5.0, 7.0, np.nan]), np.array([1.0, 2.0, 2.0]), (9.0, 9.0))
+    >>> round(p, 3), is_later
+    (0.025, True)
+    """
     from scipy.stats import CensoredData, logrank
 
     data = [
         CensoredData(uncensored=sample[~np.isnan(sample)], right=np.full(int(np.isnan(sample).sum()), end))
         for sample, end in zip((first, second), ends, strict=True)
     ]
-    return float(logrank(*data).pvalue)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = logrank(*data)
+    # Its statistic is what happened in the first sample beyond what was to be expected.
+    return float(found.pvalue), bool(found.statistic < 0.0)
 
 
 def holm(p: Sequence[float]) -> list[float]:
