@@ -56,9 +56,7 @@ MEASURE_NAMES: Final = {
 }  # fmt: skip
 
 
-def _finding(
-    section: str, claim: str, test: str, difference: Difference, sign: int
-) -> Finding:  # fmt: skip
+def _finding(section: str, claim: str, test: str, difference: Difference, sign: int) -> Finding:
     """Verdict on a difference that should have this sign; with 0, on one that should not be significant."""
     verdict: Verdict
     p = difference.p_holm
@@ -70,10 +68,10 @@ def _finding(
         is_larger = difference.value > 0.0 if difference.is_later is None else difference.is_later
         verdict = YES if p < LEVEL and is_larger == (sign > 0) else NO
     low, high = difference.interval
-    numbers = [f"{difference.value:+.3g}", f"g = {difference.effect:+.2f}"]
+    numbers = [text for text in (f"{difference.value:+.3g}", f"g = {difference.effect:+.2f}") if "nan" not in text]
     return Finding(
         section=section, claim=claim, test=test + (", log-rank p" if difference.p_rank is not None else ""),
-        n=f"{difference.n[0]}, {difference.n[1]}", result=", ".join(text for text in numbers if "nan" not in text) or "too few solved",
+        n=f"{difference.n[0]}, {difference.n[1]}", result=", ".join(numbers) or "too few solved",
         interval="" if math.isnan(low) else f"{low:+.3g} to {high:+.3g}", p=p, verdict=verdict,
     )  # fmt: skip
 
