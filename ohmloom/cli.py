@@ -23,6 +23,7 @@ from ohmloom._cli_evaluate import evaluate_networks
 from ohmloom._cli_fmu import app as fmu_app
 from ohmloom._cli_fmu import join_start_values
 from ohmloom._cli_map import HardwareHelp, map_network
+from ohmloom._cli_paper import run_paper
 from ohmloom._terminal import bars, check_folder, check_targets, say
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
 
@@ -157,6 +158,7 @@ def evolve(
 app.command("map")(map_network)
 app.command("check")(check_network)
 app.command("evaluate")(evaluate_networks)
+app.command("paper")(run_paper)
 
 
 @app.command()

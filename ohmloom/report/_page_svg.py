@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -48,6 +48,25 @@ def page_svg(draw: Callable[[], Figure], key: str, label: str, *, map_index: int
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", dpi=BITMAP_DPI, transparent=True, metadata={"Date": None})
     return _inside_page(buffer.getvalue(), key, label, "" if map_index is None else _frame(figure, map_index))
+
+
+FORMATS: Final = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
+
+
+def figure_files(draw: Callable[[], Figure], forms: Sequence[str] = tuple(FORMATS)) -> Iterator[tuple[str, bytes]]:
+    """Draw a figure and give the contents of its files, each with its ending; the same bytes each time."""
+    import matplotlib
+
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        # A letter of a name that the font lacks is left out, and said elsewhere.
+        warnings.filterwarnings("ignore", message="Glyph")
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update({"svg.hashsalt": HASH_SALT, "svg.fonttype": "none", "pdf.fonttype": 42})
+        figure = draw()
+        for form in forms:
+            picture = io.BytesIO()
+            figure.savefig(picture, format=form, metadata=FORMATS[form])
+            yield form, picture.getvalue()
 
 
 def figure_of(axes: Axes) -> Figure:

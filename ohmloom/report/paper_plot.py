@@ -42,16 +42,16 @@ def figures(results: Results) -> Iterator[tuple[str, str, Callable[[], Figure]]]
         ("4", "static", ("HP", "PEO", "LIN", "GA")), ("6", "static", ("HET", "PEO", "LIN", "GA")),
         ("12_fitness", "dynamic", ("HET", "GA")),
     ):  # fmt: skip
-        yield (f"figure_{number}", f"{_name(number)}: fitness, neurons and connectivity, {task} task; mean over runs and "
-               "its 95 % interval.", partial(plot_course, results, task, systems, COURSE))  # fmt: skip
+        yield (f"figure_{number}", f"{_name(number)}: fitness, neurons, connectivity, {task} task; mean over runs, "
+               "95 % interval.", partial(plot_course, results, task, systems, COURSE))  # fmt: skip
     for number, systems in (("5", ("HP", "PEO", "LIN", "GA")), ("7", ("HET", "PEO", "LIN", "GA"))):
         yield (f"figure_{number}", f"{_name(number)}: self-adaptive parameters, static task.",
                partial(plot_course, results, "static", systems, ADAPTIVE))  # fmt: skip
     yield "figure_8", "Fig. 8: synapses of each kind in the best HET network.", partial(plot_kinds, results, ("all",))
     yield ("figure_9", "Fig. 9: the same by layer.", partial(plot_kinds, results, LAYERS))
     for number, task in (("10", "static"), ("12_activity", "dynamic")):
-        yield (f"figure_{number}", f"{_name(number)}: mean weight and STDP events through a trial, {task} task; best HET "
-               "networks that are still under way, mean of the last ten timesteps.",
+        yield (f"figure_{number}", f"{_name(number)}: mean weight and STDP events through a trial, {task} task; best "
+               "HET networks that are still under way, mean of the last ten timesteps.",
                partial(plot_activity, results.activities[task]))  # fmt: skip
     for number, task in (("10d", "static"), ("12d", "dynamic")):
         best = results.networks[task, "HET"][results.best_network(task, "HET")]
@@ -143,8 +143,6 @@ def _trailing(values: FloatArray) -> FloatArray:
 
 def plot_topology(network: Network) -> Figure:
     """Neurons in three columns, synapses between them."""
-    from matplotlib.patches import Circle
-
     figure, (ax,) = _grid(1, 1, 4.6)
     hidden = len(network.hidden)
     outputs = network.neurons - INPUTS - hidden
@@ -161,7 +159,7 @@ def plot_topology(network: Network) -> Figure:
         )  # fmt: skip
     for k, (x, y) in enumerate(places):
         colour = INHIBITORY if network.sign(k) < 0.0 else EXCITATORY
-        ax.add_patch(Circle((x, y), 0.022, facecolor=colour, edgecolor="#222222", linewidth=0.8, zorder=3))
+        ax.plot([x], [y], "o", markersize=9, markerfacecolor=colour, markeredgecolor="#222222", zorder=3)
         label = network.labels()[k].replace("hidden ", "")
         beside = (-0.05, "right") if k < INPUTS else (0.05, "left")
         ax.text(x + beside[0], y, label, ha=beside[1], va="center", fontsize=SMALL - 1)

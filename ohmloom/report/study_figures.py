@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from ohmloom._files import write_atomic
 from ohmloom.report import study_plot as plots
 from ohmloom.report._page_maps import device_values, tile_views
 from ohmloom.report._page_run import DieRun, Run, arena_of
-from ohmloom.report._page_svg import HASH_SALT, figure_of
+from ohmloom.report._page_svg import figure_files, figure_of
 from ohmloom.report.arena_plot import plot_path
 from ohmloom.report.weights_plot import plot_weights
 from ohmloom.sim import Feasibility
@@ -21,26 +19,14 @@ from ohmloom.sim import Feasibility
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMATS: Final = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
-
 
 def save_figures(study: Feasibility, folder: Path, *, ideal: Run | None, die: DieRun | None) -> list[Path]:
     """Write every picture of the report to a folder, each as SVG and as PDF; their paths."""
-    import matplotlib
-
     paths = []
     for name, draw in figures(study, ideal=ideal, die=die):
-        with matplotlib.rc_context(), warnings.catch_warnings():
-            # A letter of a name that the font lacks is left out, and said elsewhere.
-            warnings.filterwarnings("ignore", message="Glyph")
-            matplotlib.rcdefaults()
-            matplotlib.rcParams.update({"svg.hashsalt": HASH_SALT, "svg.fonttype": "none", "pdf.fonttype": 42})
-            figure = draw()
-            for form, metadata in FORMATS.items():
-                picture = io.BytesIO()
-                figure.savefig(picture, format=form, metadata=metadata)
-                paths.append(folder / f"{name}.{form}")
-                write_atomic(paths[-1], picture.getvalue())
+        for form, picture in figure_files(draw):
+            paths.append(folder / f"{name}.{form}")
+            write_atomic(paths[-1], picture)
     return paths
 
 

@@ -28,6 +28,38 @@ def examine(results: Results) -> list[Finding]:
     return [finding for claim in CLAIMS for finding in claim(results)]
 
 
+# The paper's hypotheses and research questions, and the claims that it answers them with.
+QUESTIONS: Final = {
+    "Do memristive synapses improve performance? (hypothesis, Section I)": (
+        "PEO-PANI networks find the goal sooner than constant ones",
+        "linear networks find the goal sooner than constant ones",
+        "PEO-PANI networks become fitter than constant ones",
+    ),
+    "Do mixtures give further advantages? (hypothesis; question 2)": (
+        "mixed networks find the goal sooner than PEO ones",
+        "mixed networks find the goal sooner than LIN ones",
+        "mixed networks find the goal sooner than GA ones",
+        "mixed networks become fitter than LIN ones",
+        "mixed networks become fitter than GA ones",
+        "mixed networks adapt to the moved reward sooner",
+    ),
+    "Can evolution outperform constant synapses despite the nonlinearity? (question 1)": (
+        "PEO-PANI networks find the goal sooner than constant ones",
+        "PEO-PANI networks become fitter than constant ones",
+    ),
+    "Does evolution give kinds of memristor their own roles? (question 3)": (
+        "between hidden neurons linear synapses beat HP",
+        "between hidden neurons linear synapses beat PEO-PANI",
+        "to the outputs HP synapses beat PEO-PANI",
+        "from excitatory neurons HP synapses beat PEO-PANI",
+        "from excitatory neurons linear synapses beat PEO-PANI",
+        "from infrared sensors PEO-PANI synapses beat HP",
+        "to the outputs HP synapses beat linear ones",
+        "to the outputs PEO-PANI synapses beat linear ones",
+        "from light sensors HP synapses beat PEO-PANI",
+    ),
+}
+
 CLAIMS: Final[tuple[Claim, ...]] = (
     solved("IX-A", "HP", (2, 30), "two of thirty HP runs never solve the task"),
     *(solved("IX-A", s, (0, 30), f"every {s} run solves the task") for s in ("PEO", "LIN", "GA")),

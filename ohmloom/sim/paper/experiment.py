@@ -132,6 +132,14 @@ class Experiment:
     search: Search | None
 
 
+def stages(settings: PaperSettings) -> list[str]:
+    """Names of the stages of a run, in order."""
+    evolutions = [f"{task} {system}" for task, systems in EXPERIMENTS.items() for system in systems]
+    search = [f"search, {part}" for part in ("screen", "final", "confirm")] if settings.candidates else []
+    best = [f"best {system}" for system in SYSTEMS] if settings.candidates and settings.best else []
+    return ["random networks", *evolutions, *search, *best, "fresh starts", "STDP activity"]
+
+
 def run_paper(
     settings: PaperSettings,
     *,
