@@ -54,8 +54,14 @@ def _writable_cache() -> str:
 
 if "NUMBA_CACHE_DIR" not in os.environ:
     os.environ["NUMBA_CACHE_DIR"] = _writable_cache()
+if "NUMBA_CACHE_LOCATOR_CLASSES" not in os.environ:
+    # Ours first; the others are numba's, for other people's functions.
+    os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = ",".join(
+        ("ohmloom._kernel_cache.KernelCacheLocator", "UserProvidedCacheLocator", "InTreeCacheLocator",
+         "UserWideCacheLocator", "IPythonCacheLocator", "ZipCacheLocator")
+    )  # fmt: skip
 
-# numba reads its cache directory when it is imported, so the imports come after it is set.
+# numba reads where its cache is when it is imported, so the imports come after these are set.
 import numba  # noqa: E402
 from numba.core import types  # noqa: E402
 from numba.extending import intrinsic, overload, register_jitable  # noqa: E402
