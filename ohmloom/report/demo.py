@@ -28,8 +28,8 @@ from ohmloom.sim import EvolutionSettings, evolve, feasibility
 from ohmloom.units import format_quantity
 
 CHAMPION, HARDWARE, DIES, SEED = "HET", "het_mixed", 2, 1
-# Of 0 to 399 one of those whose two starts lie nearest to the goal, for whole trials in little time, and one in which the
-# wires' read error changes no spike: with others it does, as the report then says (with 85 from timestep 657 on).
+# Of 0 to 399 one of those whose two starts lie nearest to the goal, for whole trials in little time, and one in which
+# the wires' read error changes no spike: with others it does, as the report then says (with 85 from timestep 657 on).
 STUDY_SEED = 182
 EVOLUTION = EvolutionSettings(system="HET", repeats=1, population=12, generations=12, seed=SEED)
 FIT = ("peo_pani_redox", "redox", "redox_staircase")

@@ -51,8 +51,8 @@ def claim_study(folder: Path, plan: Plan, settings: StudySettings) -> None:
         difference = first_difference(read_run(folder), json.loads(json.dumps(wanted)), "")
         if difference:
             raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the options of that study.")
-    if not (folder / "plan.json").exists():
-        plan.save(folder / "plan.json")
+        return
+    plan.save(folder / "plan.json")
     write_atomic(path, json.dumps(wanted, indent=1) + "\n")
 
 
