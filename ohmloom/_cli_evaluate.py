@@ -12,27 +12,46 @@ import typer
 
 from ohmloom._cli_map import HardwareHelp
 from ohmloom._files import write_atomic
-from ohmloom._terminal import bars, check_folder, check_targets, say, study_folders
+from ohmloom._terminal import bars, check_folder, check_targets, cores, say, study_folders
 
 if TYPE_CHECKING:
     from ohmloom.mapping import Hardware
     from ohmloom.neurocontroller import Network
     from ohmloom.sim import Feasibility
+    from ohmloom.sim.work import Shard
 
 COMPARISON = "comparison.json"
+FEW_DIES = 4  # are tried sooner than processes have started
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes; they do not change the result. [default: the cores, 1 for up to 4 dies]"),
+]
+EngineOption = Annotated[
+    Literal["processes", "dask"], typer.Option(help="Processes of this machine, or a dask cluster (extra: cluster).")
+]
+AddressOption = Annotated[
+    str | None, typer.Option(metavar="HOST:PORT", help="The dask scheduler. Without it: a cluster of this machine.")
+]
 
 
 def evaluate_networks(
     nets: Annotated[list[Path], typer.Argument(metavar="NET...", help="Network files (*.net.json).")],
     hardware: Annotated[list[str], typer.Option(help=HardwareHelp + " May be repeated.")],
-    dies: Annotated[int, typer.Option(min=0, help="Sampled pieces of hardware; 0: only what needs none.")] = 200,
+    dies: Annotated[
+        int | None,
+        typer.Option(min=0, help="Sampled pieces of hardware; 0: only what needs none. [default: 200; with wires: 80]"),
+    ] = None,
     starts: Annotated[int, typer.Option(min=1, help="Starts of each die.")] = 1,
     study: Annotated[
         Literal["default", "full"], typer.Option(help="full adds corners, sensitivity, requirements, lifetime.")
     ] = "default",
-    workers: Annotated[int, typer.Option(min=1, help="Processes; they do not change the result.")] = 1,
+    workers: WorkersOption = None,
+    engine: EngineOption = "processes",
+    address: AddressOption = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Every random number follows from it.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder for report.html, report.json and plan.json.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.html and report.json; the same command resumes it.")
+    ] = None,
     json_: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ) -> None:
     """Would this network work on this hardware, and why (not)? Exit code 0 for PASS, else 1."""
@@ -40,6 +59,7 @@ def evaluate_networks(
     from ohmloom.neurocontroller import Network
     from ohmloom.report.output import STUDY_FILES
     from ohmloom.sim.comparison import not_built, rank_studies, why_not_built
+    from ohmloom.sim.feasibility import default_dies
 
     pairs = [(net, name, Network.load(net), Hardware.load(name)) for net in nets for name in hardware]
     refused = [why_not_built(network, spec) for _, _, network, spec in pairs]
@@ -58,11 +78,15 @@ def evaluate_networks(
             found.append(not_built(network, spec, reason))
             say(f"{network.name} on {spec.name} cannot be built: {reason}")
             continue
-        words = ["ohmloom", "evaluate", str(net), "--hardware", name, "--dies", str(dies), "--seed", str(seed)]
+        one = run_study(
+            network, spec, dies=default_dies(spec) if dies is None else dies, seed=seed, starts=starts, study=study,
+            workers=workers, engine=engine, address=address, out=folders[k] if folders else None,
+        )  # fmt: skip
+        found.append(one)
+        words = ["ohmloom", "evaluate", str(net), "--hardware", name, "--dies", str(one.provenance["dies"])]
+        words += ["--seed", str(seed)]
         words += ["--starts", str(starts)] if starts > 1 else []
         words += ["--study", study] if study != "default" else []
-        one = _study(network, spec, dies=dies, seed=seed, starts=starts, study=study, workers=workers)
-        found.append(one)
         if folders:
             _save(one, folders[k], shlex.join(words))
         if not json_:
@@ -79,7 +103,7 @@ def evaluate_networks(
     raise typer.Exit(0 if all(table["verdict"] == "PASS" for table in tables) else 1)
 
 
-def _study(
+def run_study(
     network: Network,
     spec: Hardware,
     *,
@@ -87,18 +111,25 @@ def _study(
     seed: int,
     starts: int,
     study: Literal["default", "full"],
-    workers: int,
+    workers: int | None,
+    engine: str,
+    address: str | None,
+    out: Path | None,
+    shard: Shard | None = None,
 ) -> Feasibility:
+    """A study with its progress on stderr; where nothing else is said, on as many processes as are worth it."""
     from ohmloom.sim import feasibility
 
     more = f", {starts} starts each" if starts > 1 else ""
     say(f"{network.name} on {spec.name}, {dies} dies{more}, seed {seed} (compiling at the first run)")
     names = {0: "dies", 1: "sensitivity", 2: "corners"} if study == "full" else {0: "dies"}
     keys = {name: key for key, name in names.items()}
+    few = study == "default" and dies <= FEW_DIES and engine == "processes"
+    count = workers or (1 if few else cores())
     with bars(names, dies) as update:
         return feasibility(
-            network, spec, dies=dies, seed=seed, starts=starts, study=study, workers=workers,
-            progress=lambda done, _: update(0, done, ""),
+            network, spec, dies=dies, seed=seed, starts=starts, study=study, workers=count, engine=engine,
+            address=address, out=out, shard=shard, progress=lambda done, _: update(0, done, ""),
             stage=lambda name, done, whole: update(keys[name], done, "", whole),
         )  # fmt: skip
 

@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 
-from ohmloom._terminal import bars, say
+from ohmloom._cli_evaluate import AddressOption, EngineOption
+from ohmloom._terminal import bars, cores, say
 
 LEAST, MOST = 50, 2000  # random networks of a draft, and of the whole
 
@@ -33,7 +34,11 @@ def run_paper(
     ] = None,
     fresh_starts: Annotated[int, typer.Option(min=1, help="Fresh starts of each best network.")] = 100,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Every random number follows from it.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes; they do not change the result.")] = 1,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; they do not change the result. [default: the cores]")
+    ] = None,
+    engine: EngineOption = "processes",
+    address: AddressOption = None,
     json_: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ) -> None:
     """Run the paper's experiments; say claim by claim what reproduces (draft: --repeats 3 --generations 100)."""
@@ -42,6 +47,7 @@ def run_paper(
     from ohmloom.sim.paper.experiment import PaperSettings, stages
     from ohmloom.sim.paper.experiment import run_paper as run
     from ohmloom.sim.paper.results import Results
+    from ohmloom.sim.work import open_work
 
     share = min(1.0, repeats * generations / 30_000)
     is_whole = share == 1.0
@@ -58,8 +64,8 @@ def run_paper(
     say(f"the paper: {repeats} repeats of {generations} generations, seed {seed} (compiling at the first run)")
     names = dict(enumerate(stages(settings)))
     keys = {name: key for key, name in names.items()}
-    with bars(names, 1) as update:
-        experiment = run(settings, out=out, workers=workers,
+    with open_work(workers=workers or cores(), engine=engine, address=address) as work, bars(names, 1) as update:
+        experiment = run(settings, out=out, work=work,
                          stage=lambda name, done, whole: update(keys[name], done, "", whole))  # fmt: skip
     results = Results(experiment)
     say("drawing")

@@ -29,6 +29,7 @@ from ohmloom.errors import (
 M = TypeVar("M", bound=pydantic.BaseModel)
 TEXT_LIMIT = 16_000_000  # bytes; ours are far smaller
 DEPTH_LIMIT = 64  # levels of nesting; ours have five
+WRITES = 5  # of a file whose temporary others remove
 # What zipfile raises for a damaged archive; the last two for an unknown compression, and for one that is encrypted.
 DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
 # tomllib takes a time that grows with the cube of a dotted key's length, so long ones are refused unread.
@@ -61,22 +62,28 @@ def write_atomic(path: Path | str, data: bytes | str) -> None:
     """
     path = Path(path)
     payload = data.encode() if isinstance(data, str) else data
-    temporary = ""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(payload)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except (OSError, ValueError) as error:  # a NUL in a path is a ValueError
-        if temporary and os.path.exists(temporary):
-            os.unlink(temporary)
-        raise OperationError(
-            f"{_path_text(path)}: expected a file that can be written, got {_why(error)}. Check the folder."
-        ) from error
+    for _ in range(WRITES):
+        temporary = ""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(payload)
+                file.flush()
+                os.fsync(file.fileno())
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+            return
+        except (OSError, ValueError) as error:  # a NUL in a path is a ValueError
+            if temporary and os.path.exists(temporary):
+                os.unlink(temporary)
+            elif temporary and isinstance(error, FileNotFoundError):
+                continue  # taken for a leftover by another process that resumes in the same folder
+            raise OperationError(
+                f"{_path_text(path)}: expected a file that can be written, got {_why(error)}. Check the folder."
+            ) from error
+    raise OperationError(f"{_path_text(path)}: expected its temporary file to stay, got it removed {WRITES} times. "
+                         "Check what else works in the folder.")  # fmt: skip
 
 
 def remove_temporaries(folder: Path, is_ours: Callable[[str], bool]) -> None:

@@ -17,6 +17,11 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @contextmanager
 def bars(names: dict[int, str], total: int, *, patience: float = 0.0) -> Iterator[Any]:
     """One progress bar per name on a terminal, else a line per fifth of the way; both on stderr.

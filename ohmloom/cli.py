@@ -24,6 +24,7 @@ from ohmloom._cli_fmu import app as fmu_app
 from ohmloom._cli_fmu import join_start_values
 from ohmloom._cli_map import HardwareHelp, map_network
 from ohmloom._cli_paper import run_paper
+from ohmloom._cli_work import show_status, watch_run, work_on_run
 from ohmloom._terminal import bars, check_folder, check_targets, say
 from ohmloom.errors import Interrupted, OhmloomError, OperationError, ParameterError
 
@@ -81,7 +82,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _interrupted(text: str, words: list[str]) -> NoReturn:
-    resume = f" Resume with: ohmloom {shlex.join(words)}" if words[:1] == ["evolve"] else ""
+    # A study that was to be shown only has nothing to resume from.
+    can = words[:1] in (["evolve"], ["work"]) or (
+        words[:1] == ["evaluate"] and any(w.startswith("--out") for w in words)
+    )
+    resume = f" Resume with: ohmloom {shlex.join(words)}" if can else ""
     _fail(text + resume, INTERRUPTED)
 
 
@@ -159,6 +164,9 @@ app.command("map")(map_network)
 app.command("check")(check_network)
 app.command("evaluate")(evaluate_networks)
 app.command("paper")(run_paper)
+app.command("work")(work_on_run)
+app.command("status")(show_status)
+app.command("watch")(watch_run)
 
 
 @app.command()

@@ -233,6 +233,6 @@ UNITS = {
     "periphery.register_energy": "J", "environment.temperature": "K", "environment.card_temperature": "K",
     "environment.retention_activation": "eV", "environment.drift_activation": "eV", "endurance.pulses": "1",
     "limits.read_error": "1", "limits.wake_up": "1", "limits.programming_power": "W",
-    "limits.useful_event_range": "events", "limits.endurance": "trials",
+    "limits.useful_event_range": "events", "limits.endurance": "trials", "limits.yield_": "1",
     **{f"nonidealities.{effect.name}": effect.unit for effect in EFFECTS.values()},
 }  # fmt: skip

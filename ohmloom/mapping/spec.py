@@ -221,3 +221,4 @@ class LimitSpec(StrictModel):
     programming_power: Positive | None = None
     useful_event_range: Positive | None = None
     endurance: Positive | None = None
+    yield_: Positive | None = None

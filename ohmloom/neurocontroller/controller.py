@@ -164,7 +164,9 @@ class _Compiled:
     def __init__(self, network: Network, events: Mapping[str, DeviceEvents] | None) -> None:
         from ohmloom.neurocontroller import _kernels, wiring
 
-        self._kernels, self._network, self._values = _kernels, network, wiring.synapse_values
+        self._kernels, self._network = _kernels, network
+        # Comparisons ask for the weights after every step: where each stands is looked up once.
+        self._places = tuple(np.array([[s.post, s.pre] for s in network.synapses], dtype=np.int64).reshape(-1, 2).T)
         self._wiring = wiring.wire(network, events)
         self._state = wiring.new_state(self._wiring)
         self._counts = np.zeros(network.neurons, dtype=np.int64)
@@ -189,7 +191,7 @@ class _Compiled:
         return self._counts.copy()
 
     def weights(self) -> FloatArray:
-        values: FloatArray = np.abs(self._values(self._network, self._state.weight))
+        values: FloatArray = np.abs(self._state.weight[self._places])
         return values
 
     def membranes(self) -> FloatArray:

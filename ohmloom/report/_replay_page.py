@@ -134,13 +134,15 @@ def replay_data(recording: Recording, arena: ArenaView, *, most_weights: int | N
 
 
 def _packed(values: npt.ArrayLike, unit: float) -> dict[str, Any]:
-    """Fixed point: little-endian 16-bit multiples of `unit`, or of a larger one if the range asks for it."""
+    """Fixed point: multiples of `unit`, or of a larger one if the range asks for it; 16 bits, counts in 8."""
     array = np.asarray(values, dtype=np.float64)
     largest = float(np.abs(array).max()) if array.size else 0.0
     unit = max(unit, largest / 32767)
-    codes = np.round(array / unit).astype("<i2")
+    size = 1 if unit == 1.0 and largest <= 127 else 2
+    codes = np.round(array / unit).astype(f"<i{size}")
     return {
         "unit": unit,
+        "size": size,
         "columns": int(array.shape[1]),
         "codes": base64.b64encode(codes.tobytes()).decode("ascii"),
     }

@@ -19,7 +19,7 @@ from ohmloom.report._replay_data import ACTIONS
 from ohmloom.report._replay_page import json_text, kind_legend, render, replay_data, template
 from ohmloom.sim import Feasibility, Trial
 
-MOST_WEIGHTS: Final = 800  # rows of weights in a replay, so that a trial of 4000 timesteps keeps the file small
+MOST_WEIGHTS: Final = 400  # rows of weights in a replay, so that a trial of 4000 timesteps keeps the file small
 CONTENTS: Final = {
     "figures": "Figures", "requirements": "Requirements", "replay": "Arena", "success": "Success", "yield": "Yield",
     "corners": "Corners", "sensitivity": "Sensitivity", "lifetime": "Lifetime", "crossbars": "Crossbars",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -113,7 +113,7 @@ def plot_kinds(results: Results, places: tuple[str, ...]) -> Figure:
     return figure
 
 
-def plot_activity(activities: list[Activity]) -> Figure:
+def plot_activity(activities: Sequence[Activity]) -> Figure:
     """Weights and STDP events through a trial, mean over networks."""
     figure, axes = _grid(1, 3, 3.2)
     longest = max(len(a.actions) for a in activities)

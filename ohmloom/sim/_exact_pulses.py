@@ -131,7 +131,7 @@ def _lattice_error(kind: str, device: Device) -> float:
     """Largest difference between a card's weight and the integer lattice's, over all its levels."""
     one = LATTICES[kind]
     levels = charge_levels(one)
-    w = np.array([float(device.weight(q / one.top)) for q in levels])
+    w = np.asarray(device.weight(np.array(levels) / one.top), dtype=np.float64)
     if reads_with_reference(kind):
         w_off, w_on = float(device.weight(0.0)), float(device.weight(1.0))
         w = (w - w_off) / (w_on - w_off)

@@ -16,6 +16,7 @@ from ohmloom.sim.figures import FAIL, Figure
 from ohmloom.sim.sampling import sample_dies, start_key
 from ohmloom.sim.statistics import Success
 from ohmloom.sim.verdict import study_figures, study_verdict
+from ohmloom.sim.work import Progress, Work
 
 DIES = 50  # of a corner, at most
 HOT = 358.15  # K
@@ -77,8 +78,8 @@ def run_corners(
     *,
     dies: int,
     seed: int,
-    workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    work: Work,
+    progress: Progress | None = None,
 ) -> tuple[dict[str, Any], ...]:
     """Figures, success and verdict at each corner but the typical one, on the starts and draws of the typical study.
 
@@ -93,7 +94,7 @@ def run_corners(
             found.append(corner(name, f"{description}; cannot be built: {error}", (), None, FAIL))
         else:
             check = agreement(network, changed, arena=arena, die=plan.nominal(), trial_key=start_key(seed, 0))
-            sampled = sample_dies(plan, arena, dies=min(dies, DIES), seed=seed, workers=workers)
+            sampled = sample_dies(plan, arena, dies=min(dies, DIES), seed=seed, work=work)
             figures = study_figures(plan, check, sampled, seed=seed)
             found.append(corner(name, description, figures, sampled.success, study_verdict(figures, {})[0]))
         if progress is not None:

@@ -39,10 +39,9 @@ from ohmloom.neurocontroller import SYSTEMS, Readings
 from ohmloom.sim.arena import LARGEST, SMALLEST, Arena
 from ohmloom.sim.population import PopulationState
 from ohmloom.sim.run_files import REDO, check_checkpoint, last_row, read_outcome
-from ohmloom.sim.run_folder import claim
+from ohmloom.sim.run_folder import FORMAT, VERSION, claim
 from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
 
-FORMAT, VERSION = "ohmloom.run", 2
 OBSERVE_EVERY = 20  # Section IX
 ARENA_SETTINGS = ("shadow", "slip_mode", "second_part_start", "axle", "ir_range", "light_saturation")
 
@@ -204,16 +203,21 @@ def evolve(
     if not isinstance(settings, EvolutionSettings):
         settings = EvolutionSettings(**{str(name): value for name, value in settings.items()})
     folder = Path(out)
-    wanted = {"command": "evolve", "settings": settings.model_dump(), "arena": settings.arena().settings()}
-    claim(folder, FORMAT, VERSION, wanted, tidy=partial(_tidy, folder, settings))
+    claim_evolution(settings, folder)
     todo = [k for k in range(settings.repeats) if not _network_path(folder, settings, k).exists()]
     if todo:
         with stop_on_interrupt() as stopped:
-            unit = partial(_run_repeat, settings, folder)
+            unit = partial(run_repeat, settings, folder)
             run_units(unit, todo, workers=workers, stopped=stopped, report=report or (lambda *_: None))
         if not all(_network_path(folder, settings, k).exists() for k in todo):
             raise Interrupted(f"{folder}: interrupted; all finished work is kept.")
     return _collect(folder, settings)
+
+
+def claim_evolution(settings: EvolutionSettings, folder: Path) -> None:
+    """Make `folder` the run folder of an evolution, or see that it is one; errors as of `evolve`."""
+    wanted = {"command": "evolve", "settings": settings.model_dump(), "arena": settings.arena().settings()}
+    claim(folder, wanted, tidy=partial(_tidy, folder, settings))
 
 
 def _tidy(folder: Path, settings: EvolutionSettings) -> None:
@@ -231,8 +235,10 @@ def _network_path(folder: Path, settings: EvolutionSettings, repeat: int) -> Pat
     return folder / "networks" / f"{_stem(settings, repeat)}.net.json"
 
 
-def _run_repeat(settings: EvolutionSettings, folder: Path, repeat: int, stopped: Stopped, report: Report) -> bool:
-    """Run one repeat to its end, or to a stop; whether it finished."""
+def run_repeat(settings: EvolutionSettings, folder: Path, repeat: int, stopped: Stopped, report: Report) -> bool:
+    """Run one repeat of a claimed folder to its end, or to a stop; whether it finished."""
+    if _network_path(folder, settings, repeat).exists():
+        return True
     checkpoint = folder / "populations" / f"{_stem(settings, repeat)}.json"
     key = (list(SYSTEMS).index(settings.system), repeat)
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))

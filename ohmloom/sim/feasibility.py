@@ -24,13 +24,16 @@ from ohmloom.sim.lifetime import lifetime
 from ohmloom.sim.sampling import DieOutcome, sample_dies, start_key
 from ohmloom.sim.sensitivity import screen
 from ohmloom.sim.statistics import Success
+from ohmloom.sim.study_files import StudySettings, claim_study
 from ohmloom.sim.trial import Trial, run_trial
 from ohmloom.sim.verdict import of_whole_trial, study_figures, study_verdict
+from ohmloom.sim.work import Progress, Shard, Work, open_work
 from ohmloom.sim.yield_study import yield_curves
 
 STUDIES = ("default", "full")
 EXACT_TIMESTEPS = 100  # at most, of the exact box: `check` runs the whole trial
 QUICK_TIMESTEPS = 200  # at most, of the nominal die without sampling; what counts per trial is then scaled
+DIES, WIRED_DIES = 200, 80
 CURVE_DIES = {"default": 50, "full": 400}
 Stage = Callable[[str, int, int], None]
 NOT_MODELLED = (
@@ -160,13 +163,17 @@ def feasibility(
     network: Network,
     hardware: Hardware,
     *,
-    dies: int = 200,
+    dies: int | None = None,
     seed: int = 0,
     starts: int = 1,
     study: Literal["default", "full"] = "default",
     workers: int = 1,
+    engine: str = "processes",
+    address: str | None = None,
+    out: Path | str | None = None,
+    shard: Shard | None = None,
     arena: Arena | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     stage: Stage | None = None,
 ) -> Feasibility:
     """Evaluate a network on hardware.
@@ -177,15 +184,20 @@ def feasibility(
         What to build, and of what.
     dies
         Sampled pieces of hardware, each tried from starts of its own beside the ideal controller. 0 gives the
-        figures without sampling.
+        figures without sampling; None as many as take two minutes, see `default_dies`.
     seed
         Every start and every die follows from it.
     starts
         Starts of each die. With several, dies are what was sampled, and intervals come from a bootstrap over them.
     study
         ``full`` adds corners, sensitivity, requirements and lifetime.
-    workers
-        Processes that share the dies; they do not change the result.
+    workers, engine, address
+        How many share the work: ``processes`` of this machine, or the workers of a ``dask`` cluster, which is one of
+        this machine unless `address` says where it is. They do not change the result.
+    out
+        Folder in which the outcome of every unit of work is kept, so that the same call goes on where one was stopped.
+    shard
+        What to do first, where several drivers share `out`.
     arena
         The paper's arena of the network's task by default.
     progress
@@ -200,9 +212,15 @@ def feasibility(
     ParameterError
         If `dies` or `seed` is negative, `starts` or `workers` is not positive.
     UnknownNameError
-        If `study` is neither.
+        If there is no such `study` or `engine`.
+    SettingsConflictError
+        If `out` holds a study of something else; names the first field that differs.
+    OperationError
+        If a unit of work fails again and again, or a file cannot be written; what is done is kept in `out`.
+    Interrupted, KeyboardInterrupt
+        After Ctrl-C; the first if what is done is kept.
     """
-    expect_integer("feasibility.dies", dies)
+    dies = default_dies(hardware) if dies is None else expect_integer("feasibility.dies", dies)
     expect_integer("feasibility.seed", seed)
     expect_integer("feasibility.starts", starts, 1)
     expect_integer("feasibility.workers", workers, 1)
@@ -211,40 +229,63 @@ def feasibility(
     if arena is None:
         arena = Arena.paper(task="dynamic" if network.provenance.get("task") == "dynamic" else "static")
     plan = place(network, hardware)
+    constants = json.loads(json.dumps(arena.settings()))
+    settings = StudySettings(
+        network=network.name, network_sha256=network.sha256, hardware=hardware.name, hardware_sha256=hardware.sha256,
+        seed=seed, dies=dies, starts=starts, study=study, task=arena.task, arena=constants,
+    )  # fmt: skip
+    folder = None if out is None else Path(out)
+    if folder is not None:
+        claim_study(folder, plan, settings)
+    with open_work(workers=workers, engine=engine, address=address, folder=folder, shard=shard) as work:
+        return _study(plan, arena, settings, work, progress, stage)
+
+
+def default_dies(hardware: Hardware) -> int:
+    """Dies of a study that says nothing else: 200, or, where a trial has to solve the potentials of wires, 80.
+
+    No fewer can show that hardware keeps the ideal controller's success: without a pair that differs it takes 73.
+
+    >>> default_dies(Hardware.load("ideal")), default_dies(Hardware.load("het_mixed"))
+    (200, 80)
+    """
+    return DIES if hardware.wires.is_ideal else WIRED_DIES
+
+
+def _study(
+    plan: Plan, arena: Arena, settings: StudySettings, work: Work, progress: Progress | None, stage: Stage | None
+) -> Feasibility:
+    network, hardware, dies, seed = plan.network, plan.hardware, settings.dies, settings.seed
     key = start_key(seed, 0)
     seen = arena if dies else _cut(arena, QUICK_TIMESTEPS)
     check = agreement(network, hardware, arena=seen, die=plan.nominal(), trial_key=key)
     whole = len(run_trial(SpikingController(network), arena, trial_key=key).actions)
     # By closed forms: `check` follows the differential equations too.
     exactness, not_applicable = exact_box(Case(plan=plan, trial_key=key, arena=_cut(arena, EXACT_TIMESTEPS)))
-    sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, workers=workers, progress=progress)
-    is_full = study == "full"
-    screened = (
-        screen(plan, arena, seed=seed, workers=workers, progress=_named("sensitivity", stage)) if is_full else None
-    )
+    sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=settings.starts, work=work, progress=progress)
+    is_full = settings.study == "full"
+    screened = screen(plan, arena, seed=seed, work=work, progress=_named("sensitivity", stage)) if is_full else None
     found = study_figures(plan, check, sampled, seed=seed, whole=whole, screened=screened)
     verdict, reasons = study_verdict(found, exactness)
-    curves = yield_curves(plan, dies=CURVE_DIES[study], seed=seed) if dies else ()
+    curves = yield_curves(plan, dies=CURVE_DIES[settings.study], seed=seed, work=work) if dies else ()
     corners: tuple[Mapping[str, Any], ...] = ()
     needs: tuple[Mapping[str, Any], ...] = ()
     if is_full:
         typical = corner("typical", "the spec as it is", found, sampled.success, verdict)
         others = run_corners(
-            network, hardware, arena, dies=dies, seed=seed, workers=workers, progress=_named("corners", stage)
+            network, hardware, arena, dies=dies, seed=seed, work=work, progress=_named("corners", stage)
         )
         corners = (typical, *others)
-        needs = requirements(found, Needs(plan=plan, arena=arena, seed=seed, check=check, sampled=sampled, whole=whole))
+        needs = requirements(
+            found, Needs(plan=plan, arena=arena, seed=seed, check=check, sampled=sampled, whole=whole, work=work)
+        )
     return Feasibility(
         verdict=verdict, reasons=reasons, figures=found, success=sampled.success, exactness=exactness,
         not_applicable=not_applicable, dies=sampled.outcomes, ledger=asdict(check.ledger), plan=plan, agreement=check,
         hardware_trial=sampled.first_trial, yield_=tuple(point.to_dict() for point in curves), corners=corners,
         sensitivity=screened, requirements=needs,
         lifetime=lifetime(plan, of_whole_trial(check, whole)) if is_full else None,
-        provenance={
-            "ohmloom": __version__, "network": network.name, "network_sha256": network.sha256,
-            "hardware": hardware.name, "hardware_sha256": hardware.sha256, "seed": seed, "dies": dies, "starts": starts,
-            "study": study, "task": arena.task,
-        },
+        provenance={"ohmloom": __version__, **settings.model_dump(exclude={"arena"})},
     )  # fmt: skip
 
 
@@ -252,7 +293,7 @@ def _cut(arena: Arena, timesteps: int) -> Arena:
     return arena.replace(max_timesteps=min(timesteps, arena.max_timesteps))
 
 
-def _named(name: str, stage: Stage | None) -> Callable[[int, int], None] | None:
+def _named(name: str, stage: Stage | None) -> Progress | None:
     return None if stage is None else lambda done, whole: stage(name, done, whole)
 
 

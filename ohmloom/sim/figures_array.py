@@ -22,6 +22,7 @@ WAKE_UP_LIMIT = 0.05  # of full scale: half of what one disabled device in ten w
 USEFUL_RANGE = 0.9  # of W, Section V: "90% of the total range of W within 90 STDP steps"
 MISFIRES_LIMIT = 1.0  # per trial
 DISTURB_LIMIT = 1.0  # events per device and trial
+YIELD_LIMIT = 0.8  # of dies: one in five may be thrown away; a margin of 20 % then stands for 0.96
 YIELD_STREAM = 101  # beside START_STREAM
 YIELD_DIES = 400
 
@@ -189,23 +190,24 @@ def disturb(hardware: Hardware, plan: Plan, ledger: Ledger, spikes: IntArray) ->
 
 def yield_(hardware: Hardware, plan: Plan, *, seed: int, dies: int) -> Figure:
     """Share of dies of which every synapse stands on a working device, after repair; a lower bound."""
-    name, unit = "yield", "1"
+    own = hardware.limits.yield_
+    limit = Quantity(value=YIELD_LIMIT, source=DESIGN_SOURCE) if own is None else own
     given = [q for fault in FAULTS if (q := getattr(hardware.nonidealities, fault)) is not None]
-    source = "no limit in the spec"
     if not any(q.value > 0.0 for q in given):
         is_silent = not given and bool(hardware.assumptions())
         detail = "no fault is declared, so every device works." + (
             " The curves say what faults would cost." if is_silent else ""
         )
-        return Figure(name=name, value=1.0, unit=unit, limit=None, margin=None, source=source,
-                      status=ASSUMED if is_silent else PASS, detail=detail)  # fmt: skip
+        figure = formula_figure("yield", lambda _: 1.0, "1", limit, {}, detail, low_is_good=False)
+        return replace(figure, status=ASSUMED) if is_silent else figure
     if dies == 0:
-        return Figure(name=name, value=None, unit=unit, limit=None, margin=None, source=source, status=NOT_RUN,
-                      detail="no die was sampled; run with --dies.")  # fmt: skip
+        return Figure(name="yield", value=None, unit="1", limit=limit.value, margin=None, source=limit.source,
+                      status=NOT_RUN, detail="no die was sampled; run with --dies.")  # fmt: skip
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(YIELD_STREAM,)))
     tiles = plan_yield(plan, dies=YIELD_DIES, rng=rng)
     found = math.prod(tile.repaired for tile in tiles)
     plain = math.prod(tile.plain for tile in tiles)
     detail = f"the product of {len(tiles)} tiles, {YIELD_DIES} samples of each; without repair {plain:.3g}."
-    return Figure(name=name, value=found, unit=unit, limit=None, margin=None, source=source, status=ASSUMED,
-                  detail=detail)  # fmt: skip
+    figure = formula_figure("yield", lambda _: found, "1", limit, {}, detail, low_is_good=False)
+    # Repair is a heuristic, so more than this may work: what fails or passes by it rests on the declared rates.
+    return replace(figure, status=ASSUMED) if any(q.is_assumed for q in given) and figure.status == PASS else figure

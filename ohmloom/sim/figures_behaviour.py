@@ -99,7 +99,9 @@ def closed_loop_success(hardware: Hardware, success: Success | None) -> Figure:
         more = f"{success.n} {what} do not decide" + (f"; about {needed} would, at this rate" if needed else "")
     if 0.0 < success.hardware < 1.0:
         enough = dies_needed(success.hardware, PRECISION)
-        counts += f"; {enough} dies would give the rate to within {100 * PRECISION:.0f} points"
+        low_rate, high_rate = success.hardware_interval
+        counts += (f"; the rate on hardware is known to within {50 * (high_rate - low_rate):.0f} points, {enough} dies "
+                   f"would give it to within {100 * PRECISION:.0f}")  # fmt: skip
     if status:
         margin_shown = margin if status == FAIL else None
         return Figure(name=name, value=low, unit=unit, limit=NON_INFERIORITY, margin=margin_shown, source=source,

@@ -27,6 +27,7 @@ from ohmloom.sim.figures import FAIL, MARGINAL, MARGINAL_BELOW, NON_INFERIORITY,
 from ohmloom.sim.sampling import Sampled, sample_dies
 from ohmloom.sim.sensitivity import Stream
 from ohmloom.sim.verdict import all_ledgers, of_whole_trial
+from ohmloom.sim.work import Work
 from ohmloom.units import format_quantity
 
 PRECISION = 0.005  # of the parameter: what is printed has three digits
@@ -49,6 +50,8 @@ class Needs:
         What the sampled dies did.
     whole
         Timesteps of the whole trial, where `check` saw only its beginning.
+    work
+        Where dies are tried.
     """
 
     plan: Plan
@@ -57,6 +60,7 @@ class Needs:
     check: Agreement
     sampled: Sampled
     whole: int | None = None
+    work: Work | None = None
 
     @property
     def nominal(self) -> Ledger:
@@ -299,7 +303,7 @@ def _spreads(case: Needs) -> Iterator[Lever]:
 
     def margin(factor: float) -> float:
         plan = replace(case.plan, hardware=hardware.with_values({name: factor * x for name, x in spreads.items()}))
-        success = sample_dies(plan, case.arena, dies=SPREAD_DIES, seed=case.seed).success
+        success = sample_dies(plan, case.arena, dies=SPREAD_DIES, seed=case.seed, work=case.work).success
         assert success is not None
         return MARGINAL_BELOW if success.hardware - success.ideal >= NON_INFERIORITY else -1.0
 

@@ -13,10 +13,10 @@ from ohmloom import __version__
 from ohmloom._files import check_format, parse_json, read_bytes, write_atomic
 from ohmloom.errors import SettingsConflictError
 
+FORMAT, VERSION = "ohmloom.run", 2  # of run.json, whose `command` says what was run
 
-def claim(
-    folder: Path, name: str, version: int, contents: Mapping[str, Any], *, tidy: Callable[[], None] = lambda: None
-) -> None:
+
+def claim(folder: Path, contents: Mapping[str, Any], *, tidy: Callable[[], None] = lambda: None) -> None:
     """Make `folder` a run folder of these contents, or see that it is one; `tidy` removes half-written files of a run.
 
     Raises
@@ -27,12 +27,12 @@ def claim(
         If its ``run.json`` is not of this format and version.
     """
     path = folder / "run.json"
-    wanted: dict[str, Any] = {"format": name, "version": version, "ohmloom": __version__, **contents}
+    wanted: dict[str, Any] = {"format": FORMAT, "version": VERSION, "ohmloom": __version__, **contents}
     if os.path.exists(path):
         found = parse_json(read_bytes(path, "run"), str(path))
-        check_format(found, str(path), name, version)
+        check_format(found, str(path), FORMAT, VERSION)
         tidy()
-        difference = _first_difference(found, json.loads(json.dumps(wanted)), "")
+        difference = first_difference(found, json.loads(json.dumps(wanted)))
         if difference:
             raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the settings of that run.")
         return
@@ -48,13 +48,14 @@ def claim(
     write_atomic(path, json.dumps(wanted, indent=1) + "\n")
 
 
-def _first_difference(found: Any, wanted: Any, field: str) -> str | None:
+def first_difference(found: Any, wanted: Any, field: str = "") -> str | None:
+    """First field in which two JSON values differ, with both values, or None."""
     if isinstance(found, dict) and isinstance(wanted, dict):
         for key in [*wanted, *(k for k in found if k not in wanted)]:
             name = f"{field}.{key}" if field else key
             if key not in found or key not in wanted:
                 return f"{name}: expected {wanted.get(key)!r}, got {found.get(key)!r}"
-            deeper = _first_difference(found[key], wanted[key], name)
+            deeper = first_difference(found[key], wanted[key], name)
             if deeper:
                 return deeper
         return None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import json
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,8 @@ from ohmloom.neurocontroller import SpikingController
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.statistics import Success, clustered_success, paired_success
 from ohmloom.sim.trial import Trial, run_trial
-from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
+from ohmloom.sim.work import Batch, Progress, Work, open_work
+from ohmloom.sim.workers import Report, Stopped
 
 START_STREAM = 100  # beside the streams of ohmloom.mapping.die.EFFECTS
 
@@ -66,43 +69,58 @@ def sample_dies(
     seed: int,
     starts: int = 1,
     workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    work: Work | None = None,
+    progress: Progress | None = None,
 ) -> Sampled:
     """Try `dies` pieces of hardware on `starts` starts each; neither `workers` nor their order changes the result.
+
+    Parameters
+    ----------
+    plan, arena
+        What is built; the world.
+    dies, seed, starts
+        How many, from which random numbers, from how many starts each.
+    workers
+        Processes, if no `work` says where the dies are tried.
+    work
+        Where they are tried, and where the outcomes are kept.
+    progress
+        Called with the number of dies done and of all.
 
     Raises
     ------
     OperationError
-        If a worker process dies, or the potentials of wires do not converge.
-    KeyboardInterrupt
+        If a die fails again and again, because a worker dies or the potentials of wires do not converge.
+    Interrupted, KeyboardInterrupt
         After Ctrl-C, once the dies under way are done.
     """
-    found: dict[int, list[tuple[DieOutcome, Ledger]]] = {}
-
-    def take(die: int, row: dict[str, float]) -> None:
-        found.setdefault(die, []).append(_from_row(die, row))
-        if progress is not None and len(found[die]) == starts:
-            progress(sum(len(one) == starts for one in found.values()), dies)
-
+    if work is None:
+        with open_work(workers=workers) as own:
+            return sample_dies(plan, arena, dies=dies, seed=seed, starts=starts, work=own, progress=progress)
     unit, first = _DieUnit(plan=plan, arena=arena, seed=seed, starts=starts), None
-    with stop_on_interrupt() as stopped:
-        if dies:
-            # The first die is tried here: a trial is kept of it, and reports of workers are numbers.
-            for row, trial in unit.tries(0):
-                take(0, row)
-                first = first or trial
-                if stopped():
-                    break
-        if dies > 1 and not stopped():
-            run_units(unit, range(1, dies), workers=workers, stopped=stopped, report=take)
-        if stopped():
-            raise KeyboardInterrupt
+    found: dict[int, list[tuple[DieOutcome, Ledger]]] = {}
+    if dies:
+        # The first die is tried here: a trial is kept of it, and reports of workers are numbers.
+        for row, trial in unit.tries(0):
+            found.setdefault(0, []).append(_from_row(0, row))
+            first = first or trial
+        if progress is not None:
+            progress(1, dies)
+    inputs = study_inputs(plan, arena) | {"seed": seed, "starts": starts}
+    batch = Batch(name="dies", unit=unit, items=range(1, dies), inputs=inputs)
+    rest = work.run(batch, None if progress is None else lambda done, _: progress(done + 1, dies))
+    found |= {die: [_from_row(die, row) for _, row in rows] for die, rows in rest.items()}
     outcomes = [outcome for die in sorted(found) for outcome, _ in found[die]]
     ledgers = [ledger for die in sorted(found) for _, ledger in found[die]]
     return Sampled(
         success=_success(outcomes, starts, seed) if outcomes else None,
         outcomes=tuple(outcomes), ledgers=tuple(ledgers), first_trial=first,
     )  # fmt: skip
+
+
+def study_inputs(plan: Plan, arena: Arena) -> dict[str, Any]:
+    """What every unit of a study follows from, as plain values."""
+    return {"plan": json.loads(plan.to_json()), "arena": arena.settings()}
 
 
 def _success(outcomes: Sequence[DieOutcome], starts: int, seed: int) -> Success:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,10 +14,11 @@ from ohmloom.mapping.hardware import UNITS
 from ohmloom.mapping.nonidealities import EFFECTS
 from ohmloom.neurocontroller import SpikingController
 from ohmloom.sim.arena import Arena
-from ohmloom.sim.sampling import start_key
+from ohmloom.sim.sampling import start_key, study_inputs
 from ohmloom.sim.screening import morris_effects, morris_sample, saltelli_sample, sobol_indices
 from ohmloom.sim.trial import run_trial
-from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
+from ohmloom.sim.work import Batch, Progress, Work, open_work
+from ohmloom.sim.workers import Report, Stopped
 
 SCREEN_STREAM = 103  # beside CURVE_STREAM
 TRAJECTORIES = 40  # with 12 the intervals are 30 to 80 % of mu*
@@ -121,7 +121,8 @@ def screen(
     trajectories: int = TRAJECTORIES,
     base: int = BASE,
     workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    work: Work | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Screen all declared spreads, then split the variance among the leaders.
 
@@ -139,7 +140,9 @@ def screen(
     base
         Base samples of the Sobol' indices, a power of two; 0 leaves them out.
     workers
-        Processes that share the points; they do not change the result.
+        Processes that share the points, if no `work` says where they are run; they do not change the result.
+    work
+        Where points are run, and where what they give is kept.
     progress
         Called with points done and points in all.
 
@@ -150,6 +153,11 @@ def screen(
         or where nothing matters), ``n_sobol``, ``convergence``.
     """
     expect_integer("screen.trajectories", trajectories, 2)
+    if work is None:
+        with open_work(workers=workers) as own:
+            return screen(
+                plan, arena, seed=seed, trajectories=trajectories, base=base, work=own, progress=progress
+            )  # fmt: skip
     factors = declared_spreads(plan.hardware)
     table: dict[str, Any] = {"output": OUTPUT, "trajectories": trajectories, "factors": [], "sobol": None,
                              "n_sobol": 0, "convergence": []}  # fmt: skip
@@ -159,28 +167,25 @@ def screen(
     leaders = min(LEADERS, len(factors))
     has_sobol = base > 0 and leaders > 1
     whole = trajectories * (len(factors) + 1) + (base * (leaders + 2) if has_sobol else 0)
-    done = 0
+    before = 0
 
-    def outputs(points: FloatArray, of: tuple[Factor, ...]) -> FloatArray:
-        found = np.empty(points.shape[:2])
-
-        def take(item: int, row: dict[str, float]) -> None:
-            nonlocal done
-            found[item] = [row[str(k)] for k in range(len(row))]
-            done += len(row)
-            if progress is not None:
-                progress(done, whole)
-
+    def outputs(name: str, points: FloatArray, of: tuple[Factor, ...]) -> FloatArray:
+        nonlocal before
+        rows, width = points.shape[:2]
+        inputs = study_inputs(plan, arena) | {
+            "seed": seed, "dies": DIES, "timesteps": TIMESTEPS, "factors": [asdict(x) for x in of],
+            "sample": points.tolist(),
+        }  # fmt: skip
         unit = _RowUnit(plan=plan, factors=of, sample=points, stream=stream, seed=seed)
-        with stop_on_interrupt() as stopped:
-            run_units(unit, range(len(points)), workers=workers, stopped=stopped, report=take)
-            if stopped():
-                raise KeyboardInterrupt
-        return found
+        batch = Batch(name=name, unit=unit, items=range(rows), inputs=inputs)
+        tell = None if progress is None else lambda done, _: progress(before + done * width, whole)
+        found = work.run(batch, tell)
+        before += rows * width
+        return np.array([[row[str(k)] for k in range(width)] for item in range(rows) for _, row in found[item]])
 
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SCREEN_STREAM,)))
     sample = morris_sample(len(factors), trajectories, rng=rng)
-    output = outputs(sample, factors)
+    output = outputs("morris", sample, factors)
     effects = morris_effects(sample, output, seed=seed)
     order = np.argsort(-effects.mu_star, kind="stable")
     table["factors"] = [
@@ -196,7 +201,7 @@ def screen(
     ]  # fmt: skip
     if has_sobol and effects.mu_star.max() > 0.0:
         chosen = tuple(factors[k] for k in order[:leaders])
-        found = sobol_indices(outputs(saltelli_sample(leaders, base, seed=seed), chosen), seed=seed)
+        found = sobol_indices(outputs("sobol", saltelli_sample(leaders, base, seed=seed), chosen), seed=seed)
         table["n_sobol"] = base
         table["sobol"] = [
             {"name": x.name, "first": float(found.first[k]), "first_interval": found.first_interval[k].tolist(),

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 from ohmloom.errors import OperationError
@@ -46,7 +47,7 @@ def stop_on_interrupt() -> Iterator[Stopped]:
 
 
 @contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """Hold Ctrl-C back while processes start: they inherit this, and ours arrives afterwards."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -96,6 +97,18 @@ def _end_with_driver() -> None:
             os._exit(1)
 
 
+def end_when_told(told: Connection) -> None:
+    """In a worker: leave Ctrl-C to the driver, and end at once when that is killed or closes its end of `told`."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    driver = multiprocessing.parent_process()
+
+    def end() -> None:
+        multiprocessing.connection.wait([told] if driver is None else [told, driver.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
+
+
 def _work(unit: Unit, item: int) -> bool:
     def stopped() -> bool:
         # A worker whose driver was killed must not live on.
@@ -116,7 +129,7 @@ def _run_pool(unit: Unit, items: Sequence[int], workers: int, stopped: Stopped, 
     with ProcessPoolExecutor(
         min(workers, len(items)), context, initializer=_start_worker, initargs=(stop, reports, os.getpid())
     ) as pool:
-        with _interrupts_held():
+        with interrupts_held():
             futures = {pool.submit(_work, unit, item) for item in items}
         try:
             while futures:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,12 +13,15 @@ from ohmloom.mapping import Plan
 from ohmloom.mapping.plan_yield import fault_probabilities, needed_devices
 from ohmloom.mapping.repair import repair, unrepaired
 from ohmloom.mapping.yield_ import draw_faults, wilson
+from ohmloom.sim.work import Batch, Progress, Work, work_here
+from ohmloom.sim.workers import Report, Stopped
 
 CURVE_STREAM = 102  # beside YIELD_STREAM
 FAULT_RATES = (0.001, 0.01, 0.05, 0.1)
 SPARES = ((0, 0), (1, 1), (2, 2), (4, 4))  # rows, columns of every tile
 # Where a spec does not say how faults divide: MNSIM 2.0, SimConfig.ini, Device_SAF = 9, 1.
 STUCK_ON_SHARE = 0.1
+BLOCK = 25  # dies of a unit of work
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +60,13 @@ def yield_curves(
     seed: int = 0,
     rates: tuple[float, ...] = FAULT_RATES,
     spares: tuple[tuple[int, int], ...] = SPARES,
+    work: Work | None = None,
+    progress: Progress | None = None,
 ) -> tuple[YieldPoint, ...]:
     """Yield of a plan over the rate of faults, without repair and with it, on so many spare lines.
 
     The same dies come back at every rate with the same draws, so that a curve falls because of the rate alone. With
-    repair a point is a lower bound, since repair is a heuristic.
+    repair a point is a lower bound, since repair is a heuristic. `work` says where blocks of dies are looked at.
 
     Raises
     ------
@@ -71,20 +77,46 @@ def yield_curves(
     demands = [needed_devices(plan, t) for t in range(len(plan.tiles))]
     declared = fault_probabilities(plan.hardware)
     on = STUCK_ON_SHARE if declared is None else declared[0] / sum(declared)
+    ways = [("none", 0, 0), *(("permuted", *pair) for pair in spares)]
+    unit = _BlockUnit(demands=demands, rates=rates, ways=ways, on=on, dies=dies, seed=seed)
+    inputs = {"demands": [demand.tolist() for demand in demands], "rates": list(rates), "on": on, "dies": dies,
+              "ways": [list(way) for way in ways], "seed": seed}  # fmt: skip
+    batch = Batch(name="yield", unit=unit, items=range(-(-dies // BLOCK)), inputs=inputs)
+    blocks = [row for rows in (work or work_here()).run(batch, progress).values() for _, row in rows]
     points = []
-    for rate in rates:
-        counts = {("none", 0, 0): 0, **{("permuted", *pair): 0 for pair in spares}}
-        for die in range(dies):
-            for kind, rows, columns in counts:
-                counts[kind, rows, columns] += all(
-                    _works(demand, rate, on, kind, rows, columns, (seed, die, t)) for t, demand in enumerate(demands)
-                )
-        points += [
-            YieldPoint(fault_rate=rate, repair=kind, spare_rows=rows, spare_columns=columns, value=good / dies,
-                       interval=wilson(good, dies), n=dies)
-            for (kind, rows, columns), good in counts.items()
-        ]  # fmt: skip
+    for r, rate in enumerate(rates):
+        for w, (kind, rows, columns) in enumerate(ways):
+            good = sum(block[f"{r} {w}"] for block in blocks)
+            points.append(YieldPoint(fault_rate=rate, repair=kind, spare_rows=rows, spare_columns=columns,
+                                     value=good / dies, interval=wilson(good, dies), n=dies))  # fmt: skip
     return tuple(points)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _BlockUnit:
+    """Dies from `item` times `BLOCK` on: how many work at each rate of faults, in each way of repair."""
+
+    demands: Sequence[Any]
+    rates: tuple[float, ...]
+    ways: Sequence[tuple[str, int, int]]
+    on: float
+    dies: int
+    seed: int
+
+    def __call__(self, item: int, stopped: Stopped, report: Report, /) -> bool:
+        block = range(item * BLOCK, min((item + 1) * BLOCK, self.dies))
+        row: dict[str, float] = {}
+        for r, rate in enumerate(self.rates):
+            for w, (kind, rows, columns) in enumerate(self.ways):
+                row[f"{r} {w}"] = sum(
+                    all(
+                        _works(demand, rate, self.on, kind, rows, columns, (self.seed, die, t))
+                        for t, demand in enumerate(self.demands)
+                    )
+                    for die in block
+                )
+        report(item, row)
+        return True
 
 
 def _works(demand: Any, rate: float, on: float, kind: str, rows: int, columns: int, key: tuple[int, int, int]) -> bool:

@@ -188,6 +188,21 @@ def test_evaluate_json_can_be_retraced(run, net, tmp_path):
     page = (tmp_path / "study" / "report.html").read_text()
     assert table["verdict"] in page
     assert "ohmloom evaluate" in page
+    folder = tmp_path / "study"
+    code, out, _ = run("status", folder, "--json")
+    assert (code, json.loads(out)["finished"]) == (0, True)
+    assert {tuple(part["name"].split("_")[:1]): part["done"] - part["units"] for part in json.loads(out)["parts"]} == {
+        ("dies",): 0, ("yield",): 0,
+    }  # fmt: skip
+    code, _, err = run("evaluate", net, "--hardware", "hp_1t1r", "--dies", 3, "--out", folder)
+    assert (code, "settings.dies: expected 3, got 2. Use another --out" in one_line(err)) == (2, True)
+    # Another driver finds all done, of the same network and hardware as they stand in the folder.
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    next(folder.glob("units/dies_*/000001.json")).unlink()
+    net.unlink()
+    code, _, err = run("work", folder, "--shard", "2/2", "--workers", 1)
+    assert (code, "all units are done" in err) == (0, True)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 def test_evaluate_of_several_pairs(run, net):

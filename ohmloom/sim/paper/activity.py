@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ohmloom._arrays import FloatArray, IntArray, read_arrays, write_arrays
+from ohmloom._arrays import FloatArray, IntArray
 from ohmloom.neurocontroller import Network, SpikingController
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS
 from ohmloom.neurocontroller.plain import stdp_sign
@@ -38,14 +40,17 @@ class Activity:
     weight: FloatArray
     actions: IntArray
 
-    def save(self, path: Path) -> None:
-        """Write npz."""
-        write_arrays(path, "activity", 1, {}, {name: getattr(self, name) for name in ARRAYS})
+    def to_dict(self) -> dict[str, list[Any]]:
+        """As lists, None for NaN."""
+        found: dict[str, list[Any]] = {name: getattr(self, name).tolist() for name in ARRAYS}
+        found["weight"] = [[None if math.isnan(value) else value for value in row] for row in found["weight"]]
+        return found
 
     @classmethod
-    def load(cls, path: Path) -> Activity:
-        """Read what `save` wrote."""
-        return cls(**read_arrays(path, "activity", 1, ARRAYS)[1])
+    def from_dict(cls, table: Mapping[str, Any]) -> Activity:
+        """From what `to_dict` gave."""
+        counts = {name: np.array(table[name], dtype=np.int64) for name in ARRAYS if name != "weight"}
+        return cls(weight=np.array(table["weight"], dtype=np.float64), **counts)
 
     def turn(self) -> tuple[int, int] | None:
         """First and last timestep of the longest turn, or None if the robot never turned."""

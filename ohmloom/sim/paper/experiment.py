@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from pydantic import Field
 
-from ohmloom._files import StrictModel, parse_json, read_bytes, write_atomic
-from ohmloom.errors import Interrupted
+from ohmloom._files import StrictModel
 from ohmloom.neurocontroller import SYSTEMS, Network, Readings
-from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, evolve
-from ohmloom.sim.paper.activity import record_activity
+from ohmloom.sim.arena import Arena
+from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, claim_evolution, run_repeat
+from ohmloom.sim.paper.activity import Activity, record_activity
 from ohmloom.sim.paper.readings import ALTERNATIVES, candidates, deviance
 from ohmloom.sim.population import run_starts
 from ohmloom.sim.run_folder import claim
 from ohmloom.sim.trial import draw_trial_key
-from ohmloom.sim.workers import Report, Stopped, run_units, stop_on_interrupt
+from ohmloom.sim.work import Batch, Row, Work, work_here
+from ohmloom.sim.workers import Report, Stopped, Unit
 
-FORMAT, VERSION = "ohmloom.paper", 1
 EXPERIMENTS: Final = {"static": tuple(SYSTEMS), "dynamic": ("HET", "GA")}
 TASKS: Final = (*EXPERIMENTS, "best")
 JUDGES: Final = ("GA", "HP")  # of the search
@@ -32,6 +30,10 @@ CHUNK = 250  # networks of one unit of work, about 3 s
 FINALISTS = 5  # candidates of the search that are looked at again, with more networks
 # First word of the key of each stream of random numbers, so that no two experiments share one.
 SOLVE, FRESH, SEARCH, SCREEN, FINAL, CONFIRM = range(8001, 8007)
+# Names of the stages.
+RANDOM, EVOLUTIONS, BEST = "random networks", "evolutions", "evolutions at the best"
+SEARCHES: Final = ("search", "search, best again", "search, all systems")
+FRESH_STARTS, ACTIVITY = "fresh starts", "STDP activity"
 Stage = Callable[[str, int, int], None]
 
 
@@ -118,7 +120,7 @@ class Experiment:
     fresh
         task -> system -> (repeat,) solved of `settings.fresh_starts`, by the best network of each repeat.
     activity
-        task -> (repeat,) file of each best HET network's `Activity`.
+        task -> (repeat,) STDP of each best HET network in the trial that gave it its fitness.
     search
         None if it was left out.
     """
@@ -128,23 +130,21 @@ class Experiment:
     evolutions: Mapping[tuple[str, str], Evolution]
     solve: Mapping[str, Mapping[str, Count]]
     fresh: Mapping[str, Mapping[str, tuple[int, ...]]]
-    activity: Mapping[str, tuple[Path, ...]]
+    activity: Mapping[str, tuple[Activity, ...]]
     search: Search | None
 
 
 def stages(settings: PaperSettings) -> list[str]:
     """Names of the stages of a run, in order."""
-    evolutions = [f"{task} {system}" for task, systems in EXPERIMENTS.items() for system in systems]
-    search = [f"search, {part}" for part in ("screen", "final", "confirm")] if settings.candidates else []
-    best = [f"best {system}" for system in SYSTEMS] if settings.candidates and settings.best else []
-    return ["random networks", *evolutions, *search, *best, "fresh starts", "STDP activity"]
+    best = [BEST] if settings.best else []
+    return [RANDOM, EVOLUTIONS, *([*SEARCHES, *best] if settings.candidates else []), FRESH_STARTS, ACTIVITY]
 
 
 def run_paper(
     settings: PaperSettings,
     *,
     out: Path | str,
-    workers: int = 1,
+    work: Work | None = None,
     stage: Stage | None = None,
 ) -> Experiment:
     """Run, or resume, the paper's experiments in the folder `out`.
@@ -155,8 +155,9 @@ def run_paper(
         How much of them.
     out
         Run folder; with the same settings it is resumed, to the same final bytes.
-    workers
-        Processes; they do not change the result.
+    work
+        Where units are worked on, see `ohmloom.sim.work.open_work`; by default here. It does not change the result.
+        Workers on other machines must see `out`.
     stage
         Called with the name of a stage, the pieces of it that are done, and how many there are.
 
@@ -169,17 +170,15 @@ def run_paper(
     OperationError
         If a worker dies or a file cannot be written.
     """
-    run = _Run(settings=settings, folder=Path(out), workers=workers, stage=stage or (lambda *_: None))
-    claim(run.folder, FORMAT, VERSION, {"command": "paper", "settings": settings.model_dump()})
+    run = _Run(settings=settings, folder=Path(out), work=work or work_here(), stage=stage or (lambda *_: None))
+    run = replace(run, work=replace(run.work, folder=run.folder))
+    claim(run.folder, {"command": "paper", "settings": settings.model_dump()})
     solve = _solve_rates(run)
-    evolutions = {
-        (task, system): run.evolve(task, system, OpenSettings())
-        for task, systems in EXPERIMENTS.items() for system in systems
-    }  # fmt: skip
+    evolutions = run.evolve({key: OpenSettings() for key in _pairs(EXPERIMENTS)}, EVOLUTIONS)
     search = _search(run) if settings.candidates else None
     if search is not None and settings.best:
         left_open = OpenSettings(**_unpacked(search.finalists[0].settings))
-        evolutions |= {("best", system): run.evolve("best", system, left_open) for system in SYSTEMS}
+        evolutions |= run.evolve({("best", system): left_open for system in SYSTEMS}, BEST)
     fresh = _fresh_starts(run, evolutions)
     activity = _activities(run, evolutions)
     return Experiment(
@@ -188,12 +187,8 @@ def run_paper(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Part:
-    """A piece of work that writes one file, which marks it as done."""
-
-    file: str
-    work: Callable[[Path], None]
+def _pairs(experiments: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
+    return [(task, system) for task, systems in experiments.items() for system in systems]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,52 +197,61 @@ class _Run:
 
     settings: PaperSettings
     folder: Path
-    workers: int
+    work: Work
     stage: Stage
 
-    def evolve(self, task: str, system: str, left_open: OpenSettings) -> Evolution:
-        """One evolution, in a run folder of its own."""
-        chosen = EvolutionSettings(
-            **{name: getattr(self.settings, name) for name in OF_EVOLUTIONS}
-            | dict(left_open)
-            | {"system": system, "task": "dynamic" if task == "dynamic" else "static"}
-        )
-        done = dict.fromkeys(range(chosen.repeats), 0)
+    def batch(self, name: str, unit: Unit, inputs: Sequence[Any]) -> list[list[Row]]:
+        """What a unit of work reports of each of its inputs, which are JSON values."""
+        batch = Batch(name=name.replace(",", "").replace(" ", "_"), unit=unit, items=range(len(inputs)),
+                      inputs={"inputs": list(inputs)})  # fmt: skip
+        found = self.work.run(batch, lambda done, whole: self.stage(name, done, whole))
+        return list(found.values())
 
-        def note(repeat: int, row: dict[str, float]) -> None:
-            done[repeat] = int(row["generation"])
-            self.stage(f"{task} {system}", sum(done.values()), chosen.repeats * chosen.generations)
+    def each(self, name: str, function: Callable[..., Any], arguments: Sequence[Any]) -> list[Any]:
+        """What a function gives for each of these lists of arguments, in their order."""
+        found = self.batch(name, _Each(function, tuple(arguments)), arguments)
+        return [rows[0][1]["result"] for rows in found]
 
-        return evolve(chosen, out=self.folder / "runs" / f"{task}_{system}", workers=self.workers, report=note)
-
-    def parts(self, name: str, parts: Sequence[Part]) -> None:
-        """Do the pieces of work whose file is not there yet."""
-        todo = [part for part in parts if not (self.folder / part.file).exists()]
-        done = len(parts) - len(todo)
-
-        def note(*_: Any) -> None:
-            nonlocal done
-            done += 1
-            self.stage(name, done, len(parts))
-
-        if todo:
-            with stop_on_interrupt() as stopped:
-                unit = partial(_run_part, self.folder, todo)
-                run_units(unit, range(len(todo)), workers=self.workers, stopped=stopped, report=note)
-            if not all((self.folder / part.file).exists() for part in todo):
-                raise Interrupted(f"{self.folder}: interrupted; all finished work is kept.")
-
-    def counted(self, parts: Sequence[Part]) -> Count:
-        """Sum of the counts that these pieces wrote."""
-        paths = [self.folder / part.file for part in parts]
-        counts = [Count(**parse_json(read_bytes(path, "count"), str(path))) for path in paths]
-        return Count(solved=sum(count.solved for count in counts), tried=sum(count.tried for count in counts))
+    def evolve(self, left_open: Mapping[tuple[str, str], OpenSettings], name: str) -> dict[tuple[str, str], Evolution]:
+        """Evolutions, each in a run folder of its own; a unit is a repeat of one of them."""
+        runs = {
+            (task, system): EvolutionSettings(
+                **{name: getattr(self.settings, name) for name in OF_EVOLUTIONS}
+                | dict(given)
+                | {"system": system, "task": "dynamic" if task == "dynamic" else "static"}
+            )
+            for (task, system), given in left_open.items()
+        }
+        folders = {key: self.folder / "runs" / "_".join(key) for key in runs}
+        for key, settings in runs.items():
+            claim_evolution(settings, folders[key])
+        # The slowest first would end soonest, but which these are is not known; repeats of all take turns.
+        items = [(key, repeat) for repeat in range(self.settings.repeats) for key in runs]
+        unit = _Repeats(tuple((runs[key], folders[key], repeat) for key, repeat in items))
+        self.batch(name, unit, [["_".join(key), repeat] for key, repeat in items])
+        return {key: Evolution.load(folders[key]) for key in runs}
 
 
-def _run_part(folder: Path, parts: Sequence[Part], k: int, stopped: Stopped, report: Report) -> bool:
-    parts[k].work(folder / parts[k].file)
-    report(k, {})
-    return True
+@dataclass(frozen=True)
+class _Each:
+    """A unit of work for each of some values."""
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+    def __call__(self, item: int, stopped: Stopped, report: Report, /) -> bool:
+        report(item, {"result": self.function(*self.arguments[item])})
+        return True
+
+
+@dataclass(frozen=True)
+class _Repeats:
+    """A unit of work for each repeat of some evolutions; its files are the evolution's own."""
+
+    items: tuple[tuple[EvolutionSettings, Path, int], ...]
+
+    def __call__(self, item: int, stopped: Stopped, report: Report, /) -> bool:
+        return run_repeat(*self.items[item], stopped, lambda *_: None)
 
 
 def _chunks(networks: int) -> Iterator[tuple[int, int]]:
@@ -255,30 +259,24 @@ def _chunks(networks: int) -> Iterator[tuple[int, int]]:
         yield k, min(CHUNK, networks - first)
 
 
-def _count_parts(
-    stem: str, system: str, open_settings: Mapping[str, Any], networks: int, key: tuple[int, ...], seed: int
-) -> list[Part]:
+def _count_arguments(system: str, open_settings: Mapping[str, Any], networks: int, key: tuple[int, ...]) -> list[Any]:
     """Random networks of one system under some settings, in chunks that can be made anywhere."""
     index = list(SYSTEMS).index(system)
-    return [
-        Part(f"{stem}_{system}_{k}.json",
-             partial(_count_solved, system, dict(open_settings), count, (seed, (*key, index, k))))
-        for k, count in _chunks(networks)
-    ]  # fmt: skip
+    return [[system, dict(open_settings), count, [*key, index, k]] for k, count in _chunks(networks)]
 
 
 def _count_solved(
-    system: str, open_settings: Mapping[str, Any], networks: int, stream: tuple[int, tuple[int, ...]], path: Path
-) -> None:
+    seed: int, system: str, open_settings: Mapping[str, Any], networks: int, stream: Sequence[int]
+) -> list[int]:
     settings = EvolutionSettings(**_unpacked(open_settings) | {"system": system})
-    rng = np.random.default_rng(np.random.SeedSequence(stream[0], spawn_key=stream[1]))
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(stream)))
     solved = 0
     for _ in range(networks):
         network = Network.random(
             system=system, rng=rng, enable_probability=settings.enable_probability, readings=settings.readings
         )
         solved += int(run_starts(network, settings.arena(), [draw_trial_key(rng)])[1].sum())
-    write_atomic(path, json.dumps({"solved": solved, "tried": networks}) + "\n")
+    return [solved, networks]
 
 
 def _unpacked(open_settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -286,83 +284,82 @@ def _unpacked(open_settings: Mapping[str, Any]) -> dict[str, Any]:
     return values | {"readings": Readings(**values.get("readings", {}))}
 
 
+def _counts(run: _Run, name: str, wanted: Mapping[Any, list[Any]]) -> dict[Any, Count]:
+    """Counts of several groups of chunks, all as one batch."""
+    arguments = [[run.settings.seed, *one] for group in wanted.values() for one in group]
+    found = iter(run.each(name, _count_solved, arguments))
+    sums = {key: np.sum([next(found) for _ in group], axis=0) for key, group in wanted.items()}
+    return {key: Count(solved=int(solved), tried=int(tried)) for key, (solved, tried) in sums.items()}
+
+
 def _solve_rates(run: _Run) -> dict[str, dict[str, Count]]:
     # All readings share their streams: the same random numbers, so that they differ by the reading alone.
-    parts = {
-        (reading, system): _count_parts(f"solve/{reading}", system, values, run.settings.random_networks, (SOLVE,),
-                                        run.settings.seed)
+    found = _counts(run, RANDOM, {
+        (reading, system): _count_arguments(system, values, run.settings.random_networks, (SOLVE,))
         for reading, values in ALTERNATIVES.items() for system in SYSTEMS
-    }  # fmt: skip
-    run.parts("random networks", [part for some in parts.values() for part in some])
-    return {
-        reading: {system: run.counted(parts[reading, system]) for system in SYSTEMS} for reading in ALTERNATIVES
-    }  # fmt: skip
+    })  # fmt: skip
+    return {reading: {system: found[reading, system] for system in SYSTEMS} for reading in ALTERNATIVES}
 
 
 def _search(run: _Run) -> Search:
     """GA and HP decide; PEO, LIN and HET are not looked at until the best is known."""
-    seed, networks = run.settings.seed, run.settings.random_networks
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SEARCH,)))
+    networks = run.settings.random_networks
+    rng = np.random.default_rng(np.random.SeedSequence(run.settings.seed, spawn_key=(SEARCH,)))
     drawn = candidates(run.settings.candidates, rng)
     few = max(1, networks // 4)
 
-    def counts(label: str, chosen: Sequence[int], size: int, word: int, systems: Sequence[str]) -> list[Counts]:
-        parts = {
-            (k, system): _count_parts(f"search/{label}_{k}", system, drawn[k], size, (word, k), seed)
-            for k in chosen for system in systems
-        }  # fmt: skip
-        run.parts(f"search, {label}", [part for some in parts.values() for part in some])
-        return [{system: run.counted(parts[k, system]) for system in systems} for k in chosen]
+    def counts(name: str, chosen: Sequence[int], size: int, word: int, systems: Sequence[str]) -> list[Counts]:
+        found = _counts(run, name, {
+            (k, system): _count_arguments(system, drawn[k], size, (word, k)) for k in chosen for system in systems
+        })  # fmt: skip
+        return [{system: found[k, system] for system in systems} for k in chosen]
 
-    screened = counts("screen", range(len(drawn)), few, SCREEN, JUDGES)
+    screened = counts(SEARCHES[0], range(len(drawn)), few, SCREEN, JUDGES)
     first = sorted(range(len(drawn)), key=lambda k: deviance(screened[k]))[:FINALISTS]
-    again = counts("final", first, networks, FINAL, JUDGES)
+    again = counts(SEARCHES[1], first, networks, FINAL, JUDGES)
     finalists = sorted(
         (Finalist(settings=drawn[k], deviance=deviance(found), counts=found)
          for k, found in zip(first, again, strict=True)),
         key=lambda finalist: finalist.deviance,
     )  # fmt: skip
-    confirmed = counts("confirm", [drawn.index(finalists[0].settings)], networks, CONFIRM, tuple(SYSTEMS))[0]
+    confirmed = counts(SEARCHES[2], [drawn.index(finalists[0].settings)], networks, CONFIRM, tuple(SYSTEMS))[0]
     return Search(tried=len(drawn), networks=few, finalists=tuple(finalists), confirmed=confirmed)
 
 
 def _fresh_starts(run: _Run, evolutions: Mapping[tuple[str, str], Evolution]) -> dict[str, dict[str, tuple[int, ...]]]:
-    found: dict[str, dict[str, list[Part]]] = {}
+    arguments = [
+        [run.settings.seed, Network.load(r.network).to_json(), evolution.settings.arena().settings(),
+         run.settings.fresh_starts, [FRESH, TASKS.index(task), list(SYSTEMS).index(system), r.repeat]]
+        for (task, system), evolution in evolutions.items() for r in evolution.repeats
+    ]  # fmt: skip
+    solved = iter(run.each(FRESH_STARTS, _try_fresh, arguments))
+    found: dict[str, dict[str, tuple[int, ...]]] = {}
     for (task, system), evolution in evolutions.items():
-        key = (FRESH, TASKS.index(task), list(SYSTEMS).index(system))
-        found.setdefault(task, {})[system] = [
-            Part(f"fresh/{task}_{system}_{r.repeat}.json",
-                 partial(_try_fresh, r.network, evolution.settings, run.settings.fresh_starts,
-                         (run.settings.seed, (*key, r.repeat))))
-            for r in evolution.repeats
-        ]  # fmt: skip
-    run.parts("fresh starts", [part for by_system in found.values() for some in by_system.values() for part in some])
+        found.setdefault(task, {})[system] = tuple(next(solved) for _ in evolution.repeats)
+    return found
+
+
+def _network(text: str) -> Network:
+    return Network.from_json(text.encode(), "unit: network")
+
+
+def _try_fresh(seed: int, network: str, arena: Mapping[str, Any], starts: int, stream: Sequence[int]) -> int:
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(stream)))
+    keys = [draw_trial_key(rng) for _ in range(starts)]
+    return int(run_starts(_network(network), Arena(**arena), keys)[1].sum())
+
+
+def _activities(run: _Run, evolutions: Mapping[tuple[str, str], Evolution]) -> dict[str, tuple[Activity, ...]]:
+    arguments = [
+        [Network.load(r.network).to_json(), evolutions[task, "HET"].settings.arena().settings()]
+        for task in EXPERIMENTS for r in evolutions[task, "HET"].repeats
+    ]  # fmt: skip
+    found = iter(run.each(ACTIVITY, _record, arguments))
     return {
-        task: {system: tuple(run.counted([part]).solved for part in some) for system, some in by_system.items()}
-        for task, by_system in found.items()
-    }
+        task: tuple(Activity.from_dict(next(found)) for _ in evolutions[task, "HET"].repeats) for task in EXPERIMENTS
+    }  # fmt: skip
 
 
-def _try_fresh(
-    path: Path, settings: EvolutionSettings, starts: int, stream: tuple[int, tuple[int, ...]], target: Path
-) -> None:
-    rng = np.random.default_rng(np.random.SeedSequence(stream[0], spawn_key=stream[1]))
-    _, solved = run_starts(Network.load(path), settings.arena(), [draw_trial_key(rng) for _ in range(starts)])
-    write_atomic(target, json.dumps({"solved": int(solved.sum()), "tried": starts}) + "\n")
-
-
-def _activities(run: _Run, evolutions: Mapping[tuple[str, str], Evolution]) -> dict[str, tuple[Path, ...]]:
-    parts = {
-        task: [
-            Part(f"activity/{task}_{r.repeat}.npz", partial(_record, r.network, evolutions[task, "HET"].settings))
-            for r in evolutions[task, "HET"].repeats
-        ]
-        for task in EXPERIMENTS
-    }
-    run.parts("STDP activity", [part for some in parts.values() for part in some])
-    return {task: tuple(run.folder / part.file for part in some) for task, some in parts.items()}
-
-
-def _record(path: Path, settings: EvolutionSettings, target: Path) -> None:
-    network = Network.load(path)
-    record_activity(network, settings.arena(), int(network.provenance["trial_key"])).save(target)
+def _record(text: str, arena: Mapping[str, Any]) -> dict[str, Any]:
+    network = _network(text)
+    return record_activity(network, Arena(**arena), int(network.provenance["trial_key"])).to_dict()

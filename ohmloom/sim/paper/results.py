@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
@@ -99,10 +99,10 @@ class Results:
             for key, evolution in self.experiment.evolutions.items()
         }
 
-    @cached_property
-    def activities(self) -> dict[str, list[Activity]]:
+    @property
+    def activities(self) -> Mapping[str, tuple[Activity, ...]]:
         """STDP of the best HET network of each repeat, in the trial that gave it its fitness."""
-        return {task: [Activity.load(path) for path in paths] for task, paths in self.experiment.activity.items()}
+        return self.experiment.activity
 
     def counts(self, task: str, place: str) -> dict[str, FloatArray]:
         """Kind -> (repeat,) synapses of the best HET networks in one of `census.PLACES`."""

@@ -139,7 +139,7 @@ def page_data(text: str) -> Any:
 
 
 def unpacked(packed: dict[str, Any]) -> Any:
-    codes = np.frombuffer(base64.b64decode(packed["codes"]), dtype="<i2")
+    codes = np.frombuffer(base64.b64decode(packed["codes"]), dtype=f"<i{packed['size']}")
     return packed["unit"] * codes.reshape(-1, packed["columns"])
 
 
@@ -157,10 +157,14 @@ def test_plotted_path_is_the_data_coloured_by_action() -> None:
     trial = drive(450)
     ax = plot_path(trial, ARENA)
     (lines,) = (c for c in ax.collections if isinstance(c, LineCollection) and c.get_gid() == "path")
-    segments = np.array(lines.get_segments())
-    np.testing.assert_array_equal(segments[:, 0], trial.path[:-1, :2])
-    np.testing.assert_array_equal(segments[:, 1], trial.path[1:, :2])
-    colours = [tuple(round(255 * c) for c in rgba[:3]) for rgba in np.asarray(lines.get_colors())]
+    runs = lines.get_segments()
+    np.testing.assert_array_equal(np.concatenate([run[:-1] for run in runs]), trial.path[:-1, :2])
+    np.testing.assert_array_equal(np.concatenate([run[1:] for run in runs]), trial.path[1:, :2])
+    colours = [
+        tuple(round(255 * c) for c in rgba[:3])
+        for run, rgba in zip(runs, np.asarray(lines.get_colors()), strict=True)
+        for _ in run[1:]
+    ]
     expected = [list(ACTIONS.values())[a] for a in trial.actions]
     expected[BUMP_ROW] = BACKED_OFF
     assert ["#{:02x}{:02x}{:02x}".format(*colour) for colour in colours] == expected

@@ -257,8 +257,10 @@ def test_yield_is_one_only_where_nothing_is_said_of_faults():
     assert array.yield_(HARDWARE, place(network, HARDWARE), seed=0, dies=0).status == "ASSUMED"
     faulty = ideal.with_values({"nonidealities.stuck_on": 0.003})  # no permutation hides a short
     figure = array.yield_(faulty, place(network, faulty), seed=0, dies=5)
-    assert 0.0 < figure.value < 1.0
-    assert (figure.limit, figure.status) == (None, "ASSUMED")
+    assert 0.0 < figure.value < array.YIELD_LIMIT
+    assert (figure.limit, figure.status) == (array.YIELD_LIMIT, "FAIL")
+    lower = faulty.with_values({"limits.yield_": 0.5 * figure.value})
+    assert array.yield_(lower, place(network, lower), seed=0, dies=5).status == "PASS"
     assert array.yield_(faulty, place(network, faulty), seed=0, dies=0).status == "NOT_RUN"
 
 

@@ -1,0 +1,110 @@
+"""Studies every champion on every shipped spec, and writes the page that ranks them. Run from the repository's root.
+
+    python docs/studies/make.py [--dies 200] [--wired-dies 4] [--network HP --network GA ...]
+
+A study that stands in this folder already is not made again; delete its two files to redo it. With --network, only
+those are made, and several of these commands may run side by side; the page is that of all studies found.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+from ohmloom._files import write_atomic
+from ohmloom.mapping import Hardware
+from ohmloom.neurocontroller import Network
+from ohmloom.report.page import report_page
+from ohmloom.sim import Feasibility, feasibility
+from ohmloom.sim.comparison import not_built, rank_studies, why_not_built
+
+HERE = Path(__file__).parent
+CHAMPIONS = ("HP", "PEO", "LIN", "GA", "HET")
+PAGE = """# Studies of the champions
+
+Each shipped champion on each shipped hardware spec, best first: by verdict, by success on hardware, by how many figures
+fail. A pair without a card for one of its kinds cannot be built. One command made this page and all that it links to:
+
+```sh
+{command}
+```
+
+{dies} Each link leads to the report that `ohmloom evaluate` writes, which says how to make it again, and each report
+has its numbers in the JSON file beside it. What a success on so few dies is worth is told by its interval there. The
+other figures hardly depend on the number of dies.
+
+| rank | network | hardware | verdict | goal reached on hardware | ideal | first reason | files |
+|---|---|---|---|---|---|---|---|
+{rows}
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--dies", type=int, default=200)
+    parser.add_argument("--wired-dies", type=int, default=4)
+    parser.add_argument("--network", action="append", choices=CHAMPIONS)
+    asked = parser.parse_args()
+    specs = [Hardware.load(name) for name in Hardware.names()]
+    for name in asked.network or CHAMPIONS:
+        network = champion(name)
+        for spec in specs:
+            if why_not_built(network, spec) is None and not path(name, spec, "html").exists():
+                make(name, network, spec, asked.dies if spec.wires.is_ideal else asked.wired_dies)
+    found = [outcome(name, spec) for name in CHAMPIONS for spec in specs]
+    write_page([one for one in found if one is not None], asked)
+
+
+def champion(name: str) -> Network:
+    return Network.load(net_file(name))
+
+
+def net_file(name: str) -> str:
+    return f"examples/champions/{name}.net.json"
+
+
+def path(name: str, spec: Hardware, ending: str) -> Path:
+    return HERE / f"{name}_{spec.name}.{ending}"
+
+
+def make(name: str, network: Network, spec: Hardware, dies: int) -> None:
+    # What is done is kept, so that this command, too, goes on where it was stopped.
+    study = feasibility(network, spec, dies=dies, out=Path("runs/studies") / f"{name}_{spec.name}_{dies}")
+    words = ["ohmloom", "evaluate", net_file(name), "--hardware", spec.name, "--dies", str(dies), "--seed", "0"]
+    study.save(path(name, spec, "json"))
+    write_atomic(path(name, spec, "html"), report_page(study, command=shlex.join(words)))
+    print(f"{name} on {spec.name}: {study.verdict}", flush=True)
+
+
+def outcome(name: str, spec: Hardware) -> Feasibility | dict[str, Any] | None:
+    reason = why_not_built(champion(name), spec)
+    if reason is not None:
+        return not_built(champion(name), spec, reason)
+    return Feasibility.load(path(name, spec, "json")) if path(name, spec, "json").exists() else None
+
+
+def write_page(found: list[Feasibility | dict[str, Any]], asked: argparse.Namespace) -> None:
+    rows = "\n".join(row(one) for one in rank_studies(found))
+    command = f"python docs/studies/make.py --dies {asked.dies} --wired-dies {asked.wired_dies}"
+    dies = (f"{asked.dies} dies of a spec without wires and {asked.wired_dies} of one with wires, each from a start of "
+            "its own, seed 0.")  # fmt: skip
+    write_atomic(HERE / "index.md", PAGE.format(command=command, dies=dies, rows=rows))
+
+
+def row(one: dict[str, Any]) -> str:
+    if one["rank"] is None:
+        return f"| | {one['network']} | `{one['hardware']}` | *cannot be built: {one['reason']}* | | | | |"
+    stem = f"{one['network']}_{one['hardware']}"
+    numbers = json.loads((HERE / f"{stem}.json").read_text(encoding="utf-8"))
+    n = numbers["success"]["n"]
+    cells = [one["rank"], one["network"], f"`{one['hardware']}`", one["verdict"], f"{one['success']:.0%} of {n}",
+             f"{one['ideal']:.0%}", one["reason"].replace("|", "/") or "–",
+             f"[report]({stem}.html), [numbers]({stem}.json)"]  # fmt: skip
+    return f"| {' | '.join(map(str, cells))} |"
+
+
+if __name__ == "__main__":
+    main()
