@@ -6,12 +6,16 @@ import json
 import math
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ohmloom._cli_evaluate import AddressOption, EngineOption
 from ohmloom._terminal import bars, cores, say
+
+if TYPE_CHECKING:
+    from ohmloom.sim.paper.experiment import Experiment, PaperSettings
+    from ohmloom.sim.work import Shard
 
 LEAST, MOST = 50, 2000  # random networks of a draft, and of the whole
 
@@ -44,10 +48,8 @@ def run_paper(
     """Run the paper's experiments; say claim by claim what reproduces (draft: --repeats 3 --generations 100)."""
     from ohmloom.report.paper_page import save_paper
     from ohmloom.sim.paper.claims import examine
-    from ohmloom.sim.paper.experiment import PaperSettings, stages
-    from ohmloom.sim.paper.experiment import run_paper as run
+    from ohmloom.sim.paper.experiment import PaperSettings
     from ohmloom.sim.paper.results import Results
-    from ohmloom.sim.work import open_work
 
     share = min(1.0, repeats * generations / 30_000)
     is_whole = share == 1.0
@@ -62,11 +64,7 @@ def run_paper(
     words += ["--random-networks", str(settings.random_networks), "--candidates", str(settings.candidates)]
     words += ["--best" if settings.best else "--no-best", "--fresh-starts", str(fresh_starts), "--seed", str(seed)]
     say(f"the paper: {repeats} repeats of {generations} generations, seed {seed} (compiling at the first run)")
-    names = dict(enumerate(stages(settings)))
-    keys = {name: key for key, name in names.items()}
-    with open_work(workers=workers or cores(), engine=engine, address=address) as work, bars(names, 1) as update:
-        experiment = run(settings, out=out, work=work,
-                         stage=lambda name, done, whole: update(keys[name], done, "", whole))  # fmt: skip
+    experiment = _run(settings, out, workers=workers, engine=engine, address=address, shard=None)
     results = Results(experiment)
     say("drawing")
     paths = save_paper(results, out, command=shlex.join(words))
@@ -78,3 +76,31 @@ def run_paper(
     for finding in findings:
         print(f"{finding.verdict:22}  {finding.section:6}  {finding.claim}: {finding.result}")
     print(f"seed {seed}; {next(path for path in paths if path.suffix == '.html')}")
+
+
+def work_on_paper(
+    out: Path, settings: dict[str, Any], *, workers: int | None, engine: str, address: str | None, shard: Shard
+) -> None:
+    """Do what is left to do in a folder that `ohmloom paper` began."""
+    from ohmloom._files import validate
+    from ohmloom.sim.paper.experiment import PaperSettings
+
+    asked = validate(PaperSettings, settings, f"{out / 'run.json'}: settings")
+    _run(asked, out, workers=workers, engine=engine, address=address, shard=shard)
+
+
+def _run(
+    settings: PaperSettings, out: Path, *, workers: int | None, engine: str, address: str | None, shard: Shard | None
+) -> Experiment:
+    from ohmloom.sim.paper.experiment import run_paper, stages
+    from ohmloom.sim.work import open_work
+
+    names = dict(enumerate(stages(settings)))
+    keys = {name: key for key, name in names.items()}
+    with (
+        open_work(workers=workers or cores(), engine=engine, address=address, shard=shard) as work,
+        bars(names, 1) as update,
+    ):
+        return run_paper(
+            settings, out=out, work=work, stage=lambda name, done, whole: update(keys[name], done, "", whole)
+        )

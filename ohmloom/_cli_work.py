@@ -10,10 +10,11 @@ from typing import Annotated, Any
 import typer
 
 from ohmloom._cli_evaluate import AddressOption, EngineOption, WorkersOption, run_study
+from ohmloom._cli_paper import work_on_paper
 from ohmloom._terminal import say
 
 RunArgument = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Folder of an evolution, of a study or of the paper's runs.")
+    Path, typer.Argument(metavar="RUN", help="Folder of an evolution, a study or the paper's runs.")
 ]
 LOOK_EVERY = 2.0  # s
 LAST_FILE = {"evaluate": "report.json", "paper": "paper.html"}  # that a command writes when all its units are done
@@ -26,21 +27,26 @@ def work_on_run(
     engine: EngineOption = "processes",
     address: AddressOption = None,
 ) -> None:
-    """Do what is left to do in a study's folder, its share first; the command that began it then writes the report."""
+    """Do what is left to do in a run folder, its share first; the command that began it then writes the report."""
     from ohmloom.errors import ParameterError
     from ohmloom.sim.study_files import read_run, read_study
     from ohmloom.sim.work import Shard
 
     part = Shard.parse(shard)
-    if read_run(run)["command"] != "evaluate":
-        raise ParameterError(f"{run}: expected the folder of a study, got that of an evolution. Resume it with the "
-                             "command that began it.")  # fmt: skip
-    plan, asked = read_study(run)
-    run_study(
-        plan.network, plan.hardware, dies=asked.dies, seed=asked.seed, starts=asked.starts, study=asked.study,
-        workers=workers, engine=engine, address=address, out=run, shard=part,
-    )  # fmt: skip
-    say(f"{run}: all units are done. 'ohmloom evaluate' with the options that began it now writes the report at once.")
+    table = read_run(run)
+    if table["command"] == "evolve":
+        raise ParameterError(f"{run}: expected the folder of a study or of the paper's runs, got that of an evolution. "
+                             "Resume it with the command that began it.")  # fmt: skip
+    if table["command"] == "paper":
+        work_on_paper(run, table["settings"], workers=workers, engine=engine, address=address, shard=part)
+    else:
+        plan, asked = read_study(run)
+        run_study(
+            plan.network, plan.hardware, dies=asked.dies, seed=asked.seed, starts=asked.starts, study=asked.study,
+            workers=workers, engine=engine, address=address, out=run, shard=part,
+        )  # fmt: skip
+    verb = f"ohmloom {table['command']}"
+    say(f"{run}: all units are done. '{verb}' with the options that began it now writes the report at once.")
 
 
 def show_status(
@@ -70,16 +76,20 @@ def _status(run: Path) -> dict[str, Any]:
     from ohmloom.sim.study_files import batches, read_run
 
     table = read_run(run)
-    if table["command"] in LAST_FILE:
-        found = batches(run)
-        parts = [{"name": one.name, "done": one.done, "units": one.units, "failed": [str(path) for path in one.failed]}
-                 for one in found]  # fmt: skip
-        finished = (run / LAST_FILE[table["command"]]).exists()
-        return {"command": table["command"], "parts": parts, "finished": finished}
-    repeats = table.get("settings", {}).get("repeats", 0)
+    command = table["command"]
+    if command == "evolve":
+        parts = [_repeats(run, table)]
+        return {"command": command, "parts": parts, "finished": parts[0]["done"] == parts[0]["units"]}
+    evolutions = [path.parent for path in sorted(run.glob("runs/*/run.json"))]
+    parts = [{"name": one.name, "done": one.done, "units": one.units, "failed": [str(path) for path in one.failed]}
+             for one in batches(run)]  # fmt: skip
+    parts += [_repeats(folder, read_run(folder)) for folder in evolutions]
+    return {"command": command, "parts": parts, "finished": (run / LAST_FILE[command]).exists()}
+
+
+def _repeats(run: Path, table: dict[str, Any]) -> dict[str, Any]:
     done = len(list((run / "networks").glob("*.net.json")))
-    parts = [{"name": "repeats", "done": done, "units": repeats, "failed": []}]
-    return {"command": table["command"], "parts": parts, "finished": done == repeats}
+    return {"name": f"{run.name}: repeats", "done": done, "units": table["settings"]["repeats"], "failed": []}
 
 
 def _lines(table: dict[str, Any]) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from ohmloom.cli import main
 from ohmloom.errors import SettingsConflictError
 from ohmloom.neurocontroller import Network, Readings, SpikingController
 from ohmloom.report.paper_page import save_paper
@@ -224,3 +225,22 @@ def test_a_claim_needs_the_papers_sign_and_a_small_p(value, p, sign, verdict):
     assert claim_tests._finding("X", "claim", "test", difference, sign).verdict == verdict
     few = Difference(n=(4, 30), value=value, interval=(0.0, 2.0), p=p, effect=0.5, p_holm=p)
     assert claim_tests._finding("X", "claim", "test", few, sign).verdict == "cannot be tested here"
+
+
+def test_commands_know_a_papers_folder(finished, tmp_path, capsys):
+    folder = tmp_path / "run"
+    shutil.copytree(finished[0].out, folder)
+    words = ["paper", "--out", str(folder), "--repeats", "2", "--generations", "1", "--random-networks", "4",
+             "--candidates", "2", "--fresh-starts", "2", "--seed", "4", "--workers", "1"]  # fmt: skip
+    with pytest.raises(SystemExit) as stopped:
+        main([*words, "--best"])
+    assert stopped.value.code == 2
+    assert "settings.population: expected 100, got 3" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as stopped:
+        main(["work", str(folder), "--shard", "2/2", "--workers", "1"])
+    assert stopped.value.code == 0
+    with pytest.raises(SystemExit):
+        main(["status", str(folder)])
+    shown = capsys.readouterr().out
+    assert "static_HET: repeats: 2 of 2" in shown
+    assert shown.endswith("not finished\n")

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ohmloom._files import StrictModel
+from ohmloom.errors import Interrupted
 from ohmloom.neurocontroller import SYSTEMS, Network, Readings
 from ohmloom.sim.arena import Arena
 from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, claim_evolution, run_repeat
@@ -228,7 +229,12 @@ class _Run:
         # The slowest first would end soonest, but which these are is not known; repeats of all take turns.
         items = [(key, repeat) for repeat in range(self.settings.repeats) for key in runs]
         unit = _Repeats(tuple((runs[key], folders[key], repeat) for key, repeat in items))
-        self.batch(name, unit, [["_".join(key), repeat] for key, repeat in items])
+        # What is done is told by the evolutions' own files, so that deleting one does its repeat again.
+        here = replace(self, work=replace(self.work, folder=None))
+        try:
+            here.batch(name, unit, [["_".join(key), repeat] for key, repeat in items])
+        except KeyboardInterrupt as error:
+            raise Interrupted(f"{self.folder}: interrupted; all finished work is kept.") from error
         return {key: Evolution.load(folders[key]) for key in runs}
 
 
