@@ -39,7 +39,9 @@ def evaluate_networks(
     hardware: Annotated[list[str], typer.Option(help=HardwareHelp + " May be repeated.")],
     dies: Annotated[
         int | None,
-        typer.Option(min=0, help="Sampled pieces of hardware; 0: only what needs none. [default: 200; with wires: 80]"),
+        typer.Option(
+            min=0, help="Sampled pieces of hardware; 0: only what needs none. [default: 200, fewer with wires]"
+        ),
     ] = None,
     starts: Annotated[int, typer.Option(min=1, help="Starts of each die.")] = 1,
     study: Annotated[
@@ -59,7 +61,6 @@ def evaluate_networks(
     from ohmloom.neurocontroller import Network
     from ohmloom.report.output import STUDY_FILES
     from ohmloom.sim.comparison import not_built, rank_studies, why_not_built
-    from ohmloom.sim.feasibility import default_dies
 
     pairs = [(net, name, Network.load(net), Hardware.load(name)) for net in nets for name in hardware]
     refused = [why_not_built(network, spec) for _, _, network, spec in pairs]
@@ -79,7 +80,7 @@ def evaluate_networks(
             say(f"{network.name} on {spec.name} cannot be built: {reason}")
             continue
         one = run_study(
-            network, spec, dies=default_dies(spec) if dies is None else dies, seed=seed, starts=starts, study=study,
+            network, spec, dies=dies, seed=seed, starts=starts, study=study,
             workers=workers, engine=engine, address=address, out=folders[k] if folders else None,
         )  # fmt: skip
         found.append(one)
@@ -107,7 +108,7 @@ def run_study(
     network: Network,
     spec: Hardware,
     *,
-    dies: int,
+    dies: int | None,
     seed: int,
     starts: int,
     study: Literal["default", "full"],
@@ -121,15 +122,16 @@ def run_study(
     from ohmloom.sim import feasibility
 
     more = f", {starts} starts each" if starts > 1 else ""
-    say(f"{network.name} on {spec.name}, {dies} dies{more}, seed {seed} (compiling at the first run)")
+    number = "" if dies is None else f", {dies} dies"
+    say(f"{network.name} on {spec.name}{number}{more}, seed {seed} (compiling at the first run)")
     names = {0: "dies", 1: "sensitivity", 2: "corners"} if study == "full" else {0: "dies"}
     keys = {name: key for key, name in names.items()}
-    few = study == "default" and dies <= FEW_DIES and engine == "processes"
+    few = study == "default" and dies is not None and dies <= FEW_DIES and engine == "processes"
     count = workers or (1 if few else cores())
-    with bars(names, dies) as update:
+    with bars(names, dies or 0) as update:
         return feasibility(
             network, spec, dies=dies, seed=seed, starts=starts, study=study, workers=count, engine=engine,
-            address=address, out=out, shard=shard, progress=lambda done, _: update(0, done, ""),
+            address=address, out=out, shard=shard, progress=lambda done, whole: update(0, done, "", whole),
             stage=lambda name, done, whole: update(keys[name], done, "", whole),
         )  # fmt: skip
 

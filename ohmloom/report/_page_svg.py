@@ -100,6 +100,8 @@ def _inside_page(text: str, key: str, label: str, more: str) -> Markup:
     body = re.sub(r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
     # A hundredth of a point is enough; matplotlib's six decimals are a third of the bytes.
     body = re.sub(r"<[^>]+>", lambda tag: re.sub(r"(?<![\d.])([1-9]\d*\.\d\d)\d+", r"\1", tag[0]), body)
+    # The page's style sheet has the fonts, and many groups are empty.
+    body = re.sub(r"font-family: [^;\"]*;? ?|<g id=\"[^\"]*\"/>|(?<=\") transform=\"rotate\(-?0 [^\"]*\"", "", body)
     body = re.sub(r'(\sid="|url\(#|href="#)', rf"\g<1>{key}-", body)
     for drawn, shown in PAGE_COLOURS.items():
         body = body.replace(drawn, shown)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import zlib
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -85,8 +86,13 @@ def kind_legend(recording: Recording) -> dict[str, tuple[str, int]]:
     return {kind: (KINDS[kind], len(index)) for kind, index in recording.kinds.items()}
 
 
-def replay_data(recording: Recording, arena: ArenaView, *, most_weights: int | None = None) -> dict[str, Any]:
-    """What the player's script draws; at most so many rows of weights, evenly apart, if a number is given."""
+def replay_data(
+    recording: Recording, arena: ArenaView, *, most_weights: int | None = None, is_deflated: bool = False
+) -> dict[str, Any]:
+    """What the player's script draws; at most so many rows of weights, evenly apart, if a number is given.
+
+    Deflated, the numbers take a tenth of the bytes, and the page has to inflate them before it starts the player.
+    """
     trial = recording.trial
     path = np.array(trial.path, dtype=np.float64)
     path[:, 2] = np.remainder(path[:, 2] + np.pi, 2 * np.pi) - np.pi  # small enough to be packed
@@ -108,14 +114,14 @@ def replay_data(recording: Recording, arena: ArenaView, *, most_weights: int | N
         "timesteps": recording.timesteps,
         "steps": STEPS,
         "stride": stride,
-        "path": _packed(path, 1e-4),
-        "sensors": _packed(trial.sensors, 1e-4),
+        "path": _packed(path, 1e-4, is_deflated),
+        "sensors": _packed(trial.sensors, 1e-4, is_deflated),
         "actions": "".join(str(int(action)) for action in trial.actions),
-        "outputs": _packed(trial.output_spikes, 1.0),
+        "outputs": _packed(trial.output_spikes, 1.0, is_deflated),
         "bumps": bump_rows(trial).tolist(),
         "extra": [[int(row), int(extra[row])] for row in np.flatnonzero(extra)],
-        "spikes": _packed(recording.spikes, 1.0),
-        "weights": _packed(recording.weights[::stride, order], 1e-4),
+        "spikes": _packed(recording.spikes, 1.0, is_deflated),
+        "weights": _packed(recording.weights[::stride, order], 1e-4, is_deflated),
         "names": {
             "actions": list(ACTIONS),
             "sensors": list(SENSORS),
@@ -133,18 +139,19 @@ def replay_data(recording: Recording, arena: ArenaView, *, most_weights: int | N
     }
 
 
-def _packed(values: npt.ArrayLike, unit: float) -> dict[str, Any]:
+def _packed(values: npt.ArrayLike, unit: float, is_deflated: bool) -> dict[str, Any]:
     """Fixed point: multiples of `unit`, or of a larger one if the range asks for it; 16 bits, counts in 8."""
     array = np.asarray(values, dtype=np.float64)
     largest = float(np.abs(array).max()) if array.size else 0.0
     unit = max(unit, largest / 32767)
     size = 1 if unit == 1.0 and largest <= 127 else 2
-    codes = np.round(array / unit).astype(f"<i{size}")
+    codes = np.round(array / unit).astype(f"<i{size}").tobytes()
     return {
         "unit": unit,
         "size": size,
         "columns": int(array.shape[1]),
-        "codes": base64.b64encode(codes.tobytes()).decode("ascii"),
+        "deflated": is_deflated,
+        "codes": base64.b64encode(zlib.compress(codes, 9) if is_deflated else codes).decode("ascii"),
     }
 
 

@@ -128,7 +128,7 @@ def _replay(study: Feasibility, ideal: Run | None, die: DieRun | None) -> dict[s
         ],
         "actions": ACTIONS, "last_row": max((run.recording.timesteps for _, _, run, _ in runs), default=0),
         "replay_data": [
-            _markup(json_text(replay_data(run.recording, run.arena, most_weights=MOST_WEIGHTS)))
+            _markup(json_text(replay_data(run.recording, run.arena, most_weights=MOST_WEIGHTS, is_deflated=True)))
             for _, _, run, _ in runs
         ],
         "paths": pictures.paths(study), "events": None if events is None else events[0],

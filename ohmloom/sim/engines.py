@@ -112,9 +112,16 @@ class ProcessesState:
         self._running: dict[Future[bytes], tuple[int, _Pool]] = {}
 
     def submit(self, unit: Unit, item: int) -> None:
-        pool = self._idle.pop() if self._idle else _Pool()
-        with interrupts_held():
-            self._running[pool.processes.submit(work_on, unit, item, code_version())] = item, pool
+        while True:
+            pool = self._idle.pop() if self._idle else _Pool()
+            try:
+                with interrupts_held():
+                    future = pool.processes.submit(work_on, unit, item, code_version())
+            except BrokenProcessPool:  # its process died while it had nothing to do
+                pool.close()
+            else:
+                self._running[future] = item, pool
+                return
 
     def wait(self) -> list[Result]:
         done, _ = wait(self._running, timeout=PAUSE, return_when=FIRST_COMPLETED)

@@ -21,7 +21,7 @@ from ohmloom.sim.exact_case import Case
 from ohmloom.sim.exactness import exact_box
 from ohmloom.sim.inversion import Needs, requirements
 from ohmloom.sim.lifetime import lifetime
-from ohmloom.sim.sampling import DieOutcome, sample_dies, start_key
+from ohmloom.sim.sampling import NOT_SAMPLED, DieOutcome, sample_dies, start_key
 from ohmloom.sim.sensitivity import screen
 from ohmloom.sim.statistics import Success
 from ohmloom.sim.study_files import StudySettings, claim_study
@@ -33,7 +33,7 @@ from ohmloom.sim.yield_study import yield_curves
 STUDIES = ("default", "full")
 EXACT_TIMESTEPS = 100  # at most, of the exact box: `check` runs the whole trial
 QUICK_TIMESTEPS = 200  # at most, of the nominal die without sampling; what counts per trial is then scaled
-DIES, WIRED_DIES = 200, 80
+DIES, WIRED_DIES, FAILED_DIES = 200, 80, 24
 CURVE_DIES = {"default": 50, "full": 400}
 Stage = Callable[[str, int, int], None]
 NOT_MODELLED = (
@@ -184,7 +184,7 @@ def feasibility(
         What to build, and of what.
     dies
         Sampled pieces of hardware, each tried from starts of its own beside the ideal controller. 0 gives the
-        figures without sampling; None as many as take two minutes, see `default_dies`.
+        figures without sampling; None lets `default_dies` choose.
     seed
         Every start and every die follows from it.
     starts
@@ -220,7 +220,8 @@ def feasibility(
     Interrupted, KeyboardInterrupt
         After Ctrl-C; the first if what is done is kept.
     """
-    dies = default_dies(hardware) if dies is None else expect_integer("feasibility.dies", dies)
+    if dies is not None:
+        expect_integer("feasibility.dies", dies)
     expect_integer("feasibility.seed", seed)
     expect_integer("feasibility.starts", starts, 1)
     expect_integer("feasibility.workers", workers, 1)
@@ -241,15 +242,16 @@ def feasibility(
         return _study(plan, arena, settings, work, progress, stage)
 
 
-def default_dies(hardware: Hardware) -> int:
-    """Dies of a study that says nothing else: 200, or, where a trial has to solve the potentials of wires, 80.
+def default_dies(hardware: Hardware, nominal: tuple[f.Figure, ...]) -> int:
+    """Dies of a study that asks for no number, so that it takes about two minutes.
 
-    No fewer can show that hardware keeps the ideal controller's success: without a pair that differs it takes 73.
-
-    >>> default_dies(Hardware.load("ideal")), default_dies(Hardware.load("het_mixed"))
-    (200, 80)
+    Without wires 200. Where every step has to solve the potentials of wires, 80: no fewer can show that hardware keeps
+    the ideal controller's success, since without a pair that differs it takes 73; but where a figure of the nominal die
+    FAILs, and so the verdict, 24.
     """
-    return DIES if hardware.wires.is_ideal else WIRED_DIES
+    if hardware.wires.is_ideal:
+        return DIES
+    return FAILED_DIES if any(figure.status == f.FAIL for figure in nominal) else WIRED_DIES
 
 
 def _study(
@@ -257,11 +259,14 @@ def _study(
 ) -> Feasibility:
     network, hardware, dies, seed = plan.network, plan.hardware, settings.dies, settings.seed
     key = start_key(seed, 0)
-    seen = arena if dies else _cut(arena, QUICK_TIMESTEPS)
+    seen = _cut(arena, QUICK_TIMESTEPS) if dies == 0 else arena
     check = agreement(network, hardware, arena=seen, die=plan.nominal(), trial_key=key)
     whole = len(run_trial(SpikingController(network), arena, trial_key=key).actions)
     # By closed forms: `check` follows the differential equations too.
     exactness, not_applicable = exact_box(Case(plan=plan, trial_key=key, arena=_cut(arena, EXACT_TIMESTEPS)))
+    if dies is None:
+        nominal = () if hardware.wires.is_ideal else study_figures(plan, check, NOT_SAMPLED, seed=seed, whole=whole)
+        dies = default_dies(hardware, nominal)
     sampled = sample_dies(plan, arena, dies=dies, seed=seed, starts=settings.starts, work=work, progress=progress)
     is_full = settings.study == "full"
     screened = screen(plan, arena, seed=seed, work=work, progress=_named("sensitivity", stage)) if is_full else None
@@ -285,7 +290,7 @@ def _study(
         hardware_trial=sampled.first_trial, yield_=tuple(point.to_dict() for point in curves), corners=corners,
         sensitivity=screened, requirements=needs,
         lifetime=lifetime(plan, of_whole_trial(check, whole)) if is_full else None,
-        provenance={"ohmloom": __version__, **settings.model_dump(exclude={"arena"})},
+        provenance={"ohmloom": __version__, **settings.model_dump(exclude={"arena"}), "dies": dies},
     )  # fmt: skip
 
 

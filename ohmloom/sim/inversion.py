@@ -298,7 +298,8 @@ def _spreads(case: Needs) -> Iterator[Lever]:
         name: q.value for name, q in hardware.quantities().items()
         if name.startswith(SPREADS) and q.value > 0.0 and UNITS[name] == "1"
     }  # fmt: skip
-    if not spreads:
+    given = case.sampled.success
+    if not spreads or (given is not None and given.ideal == 0.0):  # nothing to lose it by, or nothing to lose
         return
 
     def margin(factor: float) -> float:
@@ -307,8 +308,10 @@ def _spreads(case: Needs) -> Iterator[Lever]:
         assert success is not None
         return MARGINAL_BELOW if success.hardware - success.ideal >= NON_INFERIORITY else -1.0
 
-    yield Lever(parameter=SPREADS, unit="1", now=1.0, end=1.0 / 64.0, margin=_six(margin),
-                note=f": all spreads times one factor, by the difference on {SPREAD_DIES} dies")  # fmt: skip
+    at_factor = _six(margin)
+    if at_factor(1.0) < MARGINAL_BELOW:  # else it is the dies that are too few, not the spreads too large
+        yield Lever(parameter=SPREADS, unit="1", now=1.0, end=1.0 / 64.0, margin=at_factor,
+                    note=f": all spreads times one factor, by the difference on {SPREAD_DIES} dies")  # fmt: skip
 
 
 def _six(margin: Callable[[float], float]) -> Callable[[float], float]:

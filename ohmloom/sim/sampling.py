@@ -55,6 +55,9 @@ class Sampled:
     first_trial: Trial | None
 
 
+NOT_SAMPLED = Sampled(success=None, outcomes=(), ledgers=(), first_trial=None)
+
+
 def start_key(seed: int, die: int, start: int = 0) -> int:
     """Key of a start on which a die is tried; that of the first does not depend on how many there are."""
     stream = np.random.SeedSequence(seed, spawn_key=(START_STREAM, die, *((start,) if start else ())))

@@ -19,14 +19,17 @@ FILES = ("run.json", "plan.json", "report.json", "report.html")
 
 
 class StudySettings(StrictModel):
-    """What determines a study, beside network and hardware; `arena` has all constants of the world."""
+    """What determines a study, beside network and hardware; `arena` has all constants of the world.
+
+    Where `dies` is None, the study chooses.
+    """
 
     network: str
     network_sha256: str
     hardware: str
     hardware_sha256: str
     seed: int
-    dies: int
+    dies: int | None
     starts: int
     study: Literal["default", "full"]
     task: str

@@ -4,8 +4,8 @@
 const replayDrawing = (data, root, span) => {
   const { arena, names, colours, timesteps } = data;
   const el = (part) => root.querySelector(`[data-part="${part}"]`);
-  const unpack = ({ unit, size, columns, codes }) => {
-    const view = new DataView(Uint8Array.from(atob(codes), (c) => c.charCodeAt(0)).buffer);
+  const unpack = ({ unit, size, columns, codes, inflated }) => {
+    const view = new DataView((inflated || Uint8Array.from(atob(codes), (c) => c.charCodeAt(0))).buffer);
     const code = size === 1 ? (k) => view.getInt8(k) : (k) => view.getInt16(2 * k, true);
     const at = (row, column) => unit * code(row * columns + column);
     return { at, columns };

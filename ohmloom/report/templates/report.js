@@ -86,9 +86,19 @@
 
   const player = document.getElementById("player");
   if (player) {
-    const sides = [...player.querySelectorAll(".side")].map((side, k) => [side, data("replay-" + k)]);
-    // Shown first: what is hidden has no width to draw on.
-    document.documentElement.classList.add("plays");
-    replayPlayer(player, sides, player);
+    const inflate = async (table) => {
+      for (const part of Object.values(table).filter((one) => one.deflated)) {
+        const bytes = Uint8Array.from(atob(part.codes), (c) => c.charCodeAt(0));
+        const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+        part.inflated = new Uint8Array(await new Response(stream).arrayBuffer());
+      }
+      return table;
+    };
+    const sides = [...player.querySelectorAll(".side")].map(async (side, k) => [side, await inflate(data("replay-" + k))]);
+    Promise.all(sides).then((ready) => {
+      // Shown first: what is hidden has no width to draw on.
+      document.documentElement.classList.add("plays");
+      replayPlayer(player, ready, player);
+    });
   }
 })();

@@ -84,6 +84,8 @@ def opened(browser: Browser) -> Iterator[Opened]:
         page.on("pageerror", lambda error: context.said.append(str(error)))  # type: ignore[attr-defined]
         page.on("dialog", lambda dialog: (context.said.append(dialog.message), dialog.dismiss()))  # type: ignore[attr-defined]
         page.goto(path.as_uri())
+        if 'id="player"' in path.read_text(encoding="utf-8"):
+            page.locator("html.plays").wait_for(state="attached")  # its numbers are inflated by then
         return page
 
     yield open_file
