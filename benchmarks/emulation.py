@@ -2,7 +2,7 @@
 
 Both run the same network from the same start, in turn, in one process with one thread; the table has the median ratio.
 
-    python benchmarks/emulation.py [--rounds 7] [--timesteps 1000]
+    python benchmarks/emulation.py [--rounds 7] [--timesteps 1000] [NETWORK ...]
 """
 
 from __future__ import annotations
@@ -31,12 +31,15 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--rounds", type=int, default=7)
     options.add_argument("--timesteps", type=int, default=1000)
+    options.add_argument("networks", nargs="*")
     chosen = options.parse_args()
     arena = Arena(task="static", max_timesteps=chosen.timesteps)
     networks = {name: champion(name) for name in ("HET", "GA", "PEO", "HP", "LIN")}
     networks["HET at birth"] = Network.random(system="HET", rng=np.random.default_rng(1))
     print(f"{'network':14}{'hardware':24}{'timesteps':>10}{'events':>10}{'s per 1000':>12}{'to discrete':>13}")
     for name, network in networks.items():
+        if chosen.networks and name not in chosen.networks:
+            continue
         discrete = SpikingController(network)
         specs = {"het_mixed, no wires": exact_variant(Hardware.load("het_mixed"), "charge_metered")}
         specs["het_mixed, wires"] = Hardware.load("het_mixed")

@@ -36,9 +36,9 @@ SURFACE = {
         "SpikingController", "Synapse", "champion", "mutate",
     ],
     "ohmloom.sim": [
-        "Agreement", "Arena", "Check", "Controller", "Divergence", "Evolution", "EvolutionSettings",
+        "Agreement", "Arena", "Check", "Controller", "DieRuns", "Divergence", "Evolution", "EvolutionSettings",
         "Feasibility", "Figure", "OpenSettings", "Scheme", "Score", "Trial", "TrialArena", "agreement", "check",
-        "evolve", "feasibility", "run_trial",
+        "evolve", "feasibility", "run_dies", "run_trial",
     ],
 }  # fmt: skip
 

@@ -55,7 +55,7 @@ choose_by_type(law_conductance, _CONDUCTANCES)
 @inlined_kernel
 def show(cell: Any, now: Any, tile: Any, g: float) -> None:
     """What a cell of this conductance looks like to a read."""
-    now["g"], now["r"], now["load"] = g, 1.0 / g, g + tile["reference"]
+    now["g"], now["load"] = g, g + tile["reference"]
     now["weight"] = cell["polarity"] * tile["gain"] * read_weight(g, tile["reference"], tile["g_on"])
 
 
@@ -92,6 +92,14 @@ def count_events(now: Any, tile: Any, events: float) -> None:
         tile["law"], family, now["origin"], now["count"] + events, tile["event_flux"], tile["parameters"],
         tile["bottom"], tile["top"],
     )  # fmt: skip
+
+
+@inlined_kernel
+def _count_charge(now: Any, tile: Any, events: float) -> None:
+    """The same where the coordinate is a charge: no flux is compiled for it."""
+    now["s"], now["origin"], now["count"] = event_state(
+        tile["law"], CHARGE, now["origin"], now["count"] + events, 0.0, tile["parameters"], 0.0, 1.0
+    )
 
 
 @inner_kernel
@@ -144,25 +152,31 @@ def closed_pulse(
             charge += rest * g / (1.0 + series * g)
         show(cell, now, tile, g)
         return tile["duration"] * width, charge, voltage * charge
-    charge = size * q_d / MEM_LIFETIME
-    count_events(now, tile, sign * size)
-    inside = abs(now["s"] - before) * q_d
-    g = ideal_conductance(law, now["s"], p)
+    charge = size * tile["event_charge"]
+    _count_charge(now, tile, sign * size)
+    after, g_before = now["s"], now["g"]
+    inside = abs(after - before) * q_d
+    g = ideal_conductance(law, after, p)
     # Flux: the integral of M over the charge; by Simpson's rule, which is faster, where M hardly changes.
-    if abs(g - now["g"]) > SMOOTH * g:
-        passed = abs(flux(law, now["s"], p) - flux(law, before, p))
+    if abs(g - g_before) > SMOOTH * g:
+        passed = abs(flux(law, after, p) - flux(law, before, p))
     else:
-        middle = ideal_conductance(law, 0.5 * (before + now["s"]), p)
-        passed = (now["r"] + 4.0 / middle + 1.0 / g) * SIXTH * inside
+        middle = ideal_conductance(law, 0.5 * (before + after), p)
+        # 1/G at the start, four times in the middle, at the end: over one denominator.
+        edges = g_before * g
+        passed = ((g_before + g) * middle + 4.0 * edges) / (edges * middle) * SIXTH * inside
     show(cell, now, tile, g)
-    passed += max(charge - inside, 0.0) * now["r"] + series * charge
+    passed += series * charge
+    if after == 0.0 or after == 1.0:
+        # The state stands at its wall, and the current goes on.
+        passed += max(charge - inside, 0.0) / g
     if mode == CURRENT:
         duration = tile["duration"] * width
         return duration, charge, passed * charge / duration
     duration = passed / voltage
     if constants["metering_delay"] > 0.0:
         more = constants["metering_delay"] * duration * voltage * g / (1.0 + series * g)
-        count_events(now, tile, sign * more * MEM_LIFETIME / q_d)
+        _count_charge(now, tile, sign * more / tile["event_charge"])
         refresh(pulses, cell, now, tile)
         charge += more
         duration *= 1.0 + constants["metering_delay"]

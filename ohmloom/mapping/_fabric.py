@@ -27,6 +27,7 @@ WANTED_UP, WANTED_DOWN, MAY_FIRE = 1, 2, 4
     DISABLED_EVENTS, HALF_ROW, HALF_COLUMN, HALF_BOTH,
 ) = range(15)  # fmt: skip
 TOTALS = 15
+WORD = 62  # neurons whose bits one signed number holds
 # Entries of FabricState.clock: the step, solves that did not converge, whether anything is programmed in this step.
 STEP, FAILED, BUSY_LINES = 0, 1, 2
 
@@ -37,6 +38,7 @@ CELL_FIELDS = np.dtype([
     # Indices are unsigned, so that none is asked whether it counts from the end; of 32 bits, since numba takes 64
     # unsigned and 64 signed bits together for a float.
     ("sender", "u4"), ("receiver", "u4"), ("tile", "u4"),
+    ("line", "u4"),  # of `FabricState.busy`
     ("row", "i8"),  # physical word line, counted so that all tiles end at the senses
     ("column", "i8"),  # physical bit line
     ("tap", "i8"),
@@ -59,7 +61,6 @@ CELL_STATE = np.dtype([
     ("count", "f8"),  # events since
     ("belief_origin", "f8"), ("belief_count", "f8"),  # what an exact-width driver takes for true
     ("g", "f8"),  # [S]
-    ("r", "f8"),  # [ohm]
     ("load", "f8"),  # [S] that a read drives, reference included
     ("weight", "f8"),  # as read, with its polarity and its tile's gain
     ("pulses", "i8"),
@@ -68,6 +69,7 @@ TILE_FIELDS = np.dtype([
     ("law", "i8"),
     ("family", "i8"),  # of its cells' coordinate; INTEGRATED, or negative if no event moves them
     ("charge_scale", "f8"),  # q_d [C]
+    ("event_charge", "f8"),  # [C] of one event
     ("reference", "f8"),  # [S] that is subtracted
     ("g_on", "f8"),  # [S]
     ("gain", "f8"),  # 1 nominally
@@ -87,7 +89,10 @@ NEURON_FIELDS = np.dtype([
     ("a", "f8"), ("b", "f8"), ("y_thresh", "f8"), ("offset", "f8"),
     ("full_scale", "f8"),  # rows that a converter must hold
 ])  # fmt: skip
-NEURON_STATE = np.dtype([("y", "f8"), ("ls", "u4")])
+NEURON_STATE = np.dtype([
+    ("y", "f8"),
+    ("ls", "u4"),  # scratch where all lines are driven
+])  # fmt: skip
 CONSTANT_FIELDS = np.dtype([
     # drive
     ("mode", "i8"), ("parallelism", "i8"), ("event_level", "f8"), ("pulse_voltage", "f8"),
@@ -115,7 +120,11 @@ class Fabric(NamedTuple):
     neurons: npt.NDArray[np.void]  # (neuron,)
     constants: npt.NDArray[np.void]  # (1,)
     table: npt.NDArray[np.int8]  # (ls_pre, ls_post) WANTED_UP | WANTED_DOWN | MAY_FIRE
+    asking: Indices  # (pair, [ls_pre, ls_post]) where `table` is not 0
+    pairs: Indices  # (receiver * neurons + sender + 1,) cells of each pair
+    programmed: IntArray  # (receiver, word) senders of its cells in tiles that events move, as bits
     phase: FloatArray  # (phase,) duration in pulses
+    seen: FloatArray  # (phase, ls_pre, ls_post, [row, column, size of the difference in pulse voltages])
     levels: FloatArray  # (phase, ROW or COLUMN_LINE, ls) in units of the waveform
     # Their types say what is compiled.
     wires: Any  # NoWires or Wires
@@ -207,10 +216,10 @@ class FabricState(NamedTuple):
     neurons: npt.NDArray[np.void]  # (neuron,)
     ring: FloatArray  # (slot, neuron) 1 for a spike: shift registers of the rows; both are powers of two
     clock: IntArray  # [STEP, FAILED, BUSY_LINES]
-    busy: FloatArray  # (tile, column, sign) programming time of this step [s]
+    busy: FloatArray  # (line, sign) programming time of this step [s], of each tile or, side by side, bit line
     total: FloatArray  # (TOTALS,)
     is_stale: BoolArray  # (tile,) whether what columns read through wires is of other conductances
-    asked: IntArray  # (cell,) scratch: cells of a receiver that a step asks something of
+    by_ls: IntArray  # (ls, word) neurons of an ls, as bits, before it decays at the end of the step
     lines: Any  # NoWires or LineState
 
 
@@ -219,12 +228,25 @@ def power_of_two(least: int) -> int:
     return 1 << max(least - 1, 0).bit_length()
 
 
+def words_of(neurons: int) -> int:
+    """Numbers that hold a bit for each neuron."""
+    return -(-neurons // WORD)
+
+
+def as_bits(chosen: Any) -> IntArray:
+    """(neuron,) as bits, (word,)."""
+    padded = np.zeros(words_of(len(chosen)) * WORD, dtype=np.int64)
+    padded[: len(chosen)] = chosen
+    bits: IntArray = (padded.reshape(-1, WORD) << np.arange(WORD)).sum(axis=1)
+    return bits
+
+
 def lateness(tap: Any, sender: Any, neurons: int) -> Any:
     """Of spikes in a ring laid out flat: steps times its width, less the sender's place."""
     return (np.asarray(tap) * power_of_two(neurons) - np.asarray(sender)).astype(np.uint64)
 
 
-def empty_state(f: Fabric, *, slots: int, columns: int, scratch: int) -> FabricState:
+def empty_state(f: Fabric, *, slots: int, scratch: int) -> FabricState:
     """State before the first reset."""
     n, cells, tiles, phases = len(f.neurons), len(f.cells), len(f.tiles), len(f.phase)
     lines: NoWires | LineState = NoWires()
@@ -242,6 +264,7 @@ def empty_state(f: Fabric, *, slots: int, columns: int, scratch: int) -> FabricS
     return FabricState(
         cells=state, reads=reads, neurons=np.zeros(n, dtype=NEURON_STATE),
         ring=np.zeros((power_of_two(slots), power_of_two(n))), clock=np.zeros(3, dtype=np.int64),
-        busy=np.zeros((tiles, columns, 2)), total=np.zeros(TOTALS),
-        is_stale=np.ones(tiles, dtype=np.bool_), asked=np.zeros(cells + 1, dtype=np.int64), lines=lines,
+        busy=np.zeros((max(int(f.cells["line"].max(initial=0)) + 1, tiles), 2)), total=np.zeros(TOTALS),
+        is_stale=np.ones(tiles, dtype=np.bool_), lines=lines,
+        by_ls=np.zeros((f.table.shape[0], words_of(n)), dtype=np.int64),
     )  # fmt: skip

@@ -18,12 +18,14 @@ from ohmloom._philox_kernels import normal
 from ohmloom.devices._event_kernels import read_weight
 from ohmloom.mapping._cell_kernels import count_events, place_at, refresh
 from ohmloom.mapping._fabric import (
+    BUSY,
     BUSY_LINES,
     FAILED,
     READ_ENERGY,
     SPIKES,
     STEP,
     STEPS_DONE,
+    WORST_BUSY,
     DrivenLines,
     Fabric,
     FabricState,
@@ -35,7 +37,7 @@ from ohmloom.mapping._fabric import (
     SelectedCells,
     Wires,
 )
-from ohmloom.mapping._program_kernels import account_time, program_cells, program_wired
+from ohmloom.mapping._program_kernels import BITS, DOWN, ONE, UP, program_cells, program_wired, words_in
 from ohmloom.mapping._wire_kernels import prepare_lines
 from ohmloom.neurocontroller._kernels import INPUTS, STEPS, classify, membrane
 
@@ -44,8 +46,8 @@ from ohmloom.neurocontroller._kernels import INPUTS, STEPS, classify, membrane
 def reset_activity(f: Fabric, s: FabricState) -> None:
     for j in range(s.neurons.shape[0]):
         s.neurons[j]["y"] = f.constants[0]["c_ini"]
-        s.neurons[j]["ls"] = 0
     s.ring[:] = 0.0
+    s.by_ls[:] = 0
     s.clock[STEP] = 0
 
 
@@ -153,8 +155,8 @@ def _program(lines: Any, f: Fabric, s: FabricState) -> None:
 
 def _program_selected(lines: Any, f: Fabric, s: FabricState) -> None:
     program_cells(
-        f.pulses, f.cells, s.cells, f.tiles, f.constants[0], s.neurons, f.starts, f.table, f.phase, f.levels, s.busy,
-        s.total, s.clock, s.is_stale, s.asked,
+        f.pulses, f.cells, s.cells, f.tiles, f.constants[0], s.neurons, f.table, f.asking, f.pairs, f.programmed,
+        f.phase, f.seen, s.busy, s.total, s.clock, s.is_stale, s.by_ls,
     )  # fmt: skip
 
 
@@ -214,43 +216,62 @@ choose_by_type(_reset_lines, _RESETS)
 
 @kernel
 def run_steps(f: Fabric, s: FabricState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
-    """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike."""
+    """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike.
+
+    All tiles are programmed side by side at the end of a step, and so are the lines of each.
+    """
     neurons, state, ring, total, constants = f.neurons, s.neurons, s.ring, s.total, f.constants[0]
-    mask, spikes = ring.shape[0] - 1, ring.reshape(-1)
+    spikes, count, inputs = ring.reshape(-1), np.uint64(neurons.shape[0]), np.uint64(INPUTS)
+    by_ls, words, slots, width = s.by_ls, words_in(count), ring.shape[0], ring.shape[1]
+    busy, lines = s.busy, np.uint64(s.busy.shape[0])
     clamp, gain, c, last_spike = constants["clamp"], constants["synapse_gain"], constants["c"], constants["last_spike"]
     read_starts, reads, read_state = f.read_starts, f.reads, s.reads
     energy = constants["read_voltage"] * constants["read_voltage"] * constants["read_duration"]
     for _ in range(steps):
         now, step = s.clock[STEP], int(total[STEPS_DONE])
-        begin = np.uint64((now + ring.shape[0]) * ring.shape[1])
+        begin, slot = np.uint64((now + slots) * width), np.uint64((now & (slots - 1)) * width)
         _prepare_reads(f.wires, f, s)
-        for j in range(neurons.shape[0]):
-            a, b = neurons[j]["a"], neurons[j]["b"]
-            if j < INPUTS:
-                y = membrane(state[j]["y"], sensors[j], a, b, clamp)
-            else:
-                weighted, conducting = read_column(read_starts, reads, read_state, spikes, j, begin)
-                squares = 0.0
-                if constants["read_noise"] > 0.0:
-                    squares = column_squares(read_starts, reads, read_state, spikes, j, begin)
-                total[READ_ENERGY] += energy * conducting
-                weighted = sense(constants, neurons[j], j, step, weighted, squares)
-                y = membrane(state[j]["y"], gain * weighted, a, b, clamp)
-            above = y > neurons[j]["y_thresh"]
-            state[j]["y"] = c if above else y
-            ring[now & mask, j] = 1.0 if above else 0.0
-            if above:
-                state[j]["ls"] = last_spike
-                spiked[j] += 1
-                total[SPIKES] += 1
+        fired, spent = 0, total[READ_ENERGY]
+        for w in range(words):
+            bits: Any = 0
+            first, last = w * BITS, min((w + ONE) * BITS, count)
+            for j in range(first, last):
+                if j < inputs:
+                    drive = sensors[j]
+                else:
+                    weighted, conducting = read_column(read_starts, reads, read_state, spikes, j, begin)
+                    squares = 0.0
+                    if constants["read_noise"] > 0.0:
+                        squares = column_squares(read_starts, reads, read_state, spikes, j, begin)
+                    spent += energy * conducting
+                    drive = gain * sense(constants, neurons[j], j, step, weighted, squares)
+                y = membrane(state[j]["y"], drive, neurons[j]["a"], neurons[j]["b"], clamp)
+                above = y > neurons[j]["y_thresh"]
+                state[j]["y"] = c if above else y
+                spikes[slot + j] = 1.0 if above else 0.0
+                if above:
+                    bits |= 1 << np.int64(j - first)
+                    spiked[j] += 1
+                    fired += 1
+            # Every other ls decays by 1; what has none left is of ls 0.
+            others = ((1 << np.int64(last - first)) - 1) & ~bits
+            for ls in range(1, last_spike):
+                by_ls[ls, w] = by_ls[ls + 1, w] & others
+                others &= ~by_ls[ls, w]
+            by_ls[last_spike, w], by_ls[0, w] = bits, others
+        total[READ_ENERGY] = spent
+        total[SPIKES] += fired
         _disturb(f.rest, f, s, now)
         s.clock[BUSY_LINES] = 0
         _program(f.lines, f, s)
         if s.clock[BUSY_LINES] > 0:
-            account_time(s.busy, total)
-        for j in range(neurons.shape[0]):
-            if state[j]["ls"] > 0:
-                state[j]["ls"] -= 1
+            # Here and not in a function of its own, to which two arrays would be described in every step.
+            worst = 0.0
+            for line in range(lines):
+                worst = max(worst, busy[line, UP] + busy[line, DOWN])
+                busy[line, UP] = busy[line, DOWN] = 0.0
+            total[BUSY] += worst
+            total[WORST_BUSY] = max(total[WORST_BUSY], worst)
         total[STEPS_DONE] += 1
         s.clock[STEP] = now + 1
 

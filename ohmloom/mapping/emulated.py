@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ohmloom._arrays import FloatArray, IntArray
 from ohmloom.errors import OperationError, ParameterError, expect_number, expect_type
-from ohmloom.mapping._fabric import FAILED, STEP, Wires, empty_state
+from ohmloom.mapping._fabric import FAILED, STEP, Wires, as_bits, empty_state
 from ohmloom.mapping.die import Die
 from ohmloom.mapping.ledger import Ledger
 from ohmloom.mapping.plan import Plan
@@ -66,8 +66,7 @@ class EmulatedController:
             die, perturb=perturb, integrate=integrate, as_wired=as_wired
         )
         self._is_wired = isinstance(self._fabric.wires, Wires)
-        columns = max((len(tile.columns) + tile.spare_columns for tile in die.plan.tiles), default=1)
-        self._state = empty_state(self._fabric, slots=self._longest_tap() + 1, columns=columns, scratch=SCRATCH)
+        self._state = empty_state(self._fabric, slots=self._longest_tap() + 1, scratch=SCRATCH)
         self._counts = np.zeros(len(self._fabric.neurons), dtype=np.int64)
         self.reset()
 
@@ -223,7 +222,9 @@ class EmulatedController:
         from ohmloom.mapping._cell_kernels import place_at
 
         s = self._state
-        s.neurons["y"], s.neurons["ls"] = membranes, ls
+        s.neurons["y"] = membranes
+        for before in range(1, len(s.by_ls)):
+            s.by_ls[before] = as_bits(np.asarray(ls) == before - 1)
         s.ring[(int(s.clock[STEP]) - 1) % s.ring.shape[0], : spiked.size] = spiked
         devices, tiles = self.die.plan.hardware.devices, self.die.plan.tiles
         for point, place, now in zip(self.die.plan.crosspoints, self._order, self.weights, strict=True):

@@ -52,7 +52,7 @@ def build_fabric(
     `perturb` scales the charge of every event by 1 + perturb; `integrate` follows every law's own differential equation
     even where it has a closed form; `as_wired` solves the potentials of lines even where they have no resistance.
     """
-    from ohmloom.devices._event_kernels import CHARGE, FLUX
+    from ohmloom.devices._event_kernels import CHARGE, FLUX, MEM_LIFETIME
     from ohmloom.devices._kernels import LAW_INDEX, flux
     from ohmloom.mapping._cell_kernels import INTEGRATED
 
@@ -89,18 +89,20 @@ def build_fabric(
     live = np.array([c.fixed is None for c in cells], dtype=np.bool_)
     other = iter(range(len(plan.crosspoints), len(plan.crosspoints) + len(cells)))
     phase, row_level, column_level = phase_arrays(drive.shape)
+    levels = np.stack([row_level, column_level], axis=1)
     counts_half_selects = drive.mode == "voltage" and not is_selected
     lowest = float(threshold[live].min(initial=drive.threshold.value))
     taps = _taps(plan)
     late = f.lateness(taps, np.arange(len(taps))[:, None], len(taps))
     is_driven = drive.mode == "voltage" and not is_selected and isinstance(wires, f.Wires)
+    lines = _busy_lines(plan)
     cell = np.zeros(len(cells), dtype=f.CELL_FIELDS)
     series = _series(die, cells) if is_selected else np.zeros(len(cells))
     for k, c in enumerate(cells):
         point = None if c.synapse is None else plan.crosspoints[c.synapse]
         cell[k] = (
-            c.sender, c.receiver, c.tile, c.row + _padding(plan, c.tile), c.column, taps[c.sender, c.receiver],
-            late[c.sender, c.receiver],
+            c.sender, c.receiver, c.tile, lines[c.tile] + (c.column if drive.parallelism == "column" else 0),
+            c.row + _padding(plan, c.tile), c.column, taps[c.sender, c.receiver], late[c.sender, c.receiver],
             next(other) if c.synapse is None else c.synapse, c.synapse is not None, c.fixed is None, c.polarity,
             c.state, coordinate(c.tile, c.state), c.state if point is None else point.state,
             0.0 if c.fixed is None else c.fixed, (1.0 + perturb) * events[k] * effects.pulse_size, threshold[k],
@@ -109,8 +111,9 @@ def build_fabric(
     tiles = np.zeros(len(devices), dtype=f.TILE_FIELDS)
     for t, device in enumerate(devices):
         tiles[t] = (
-            law[t], family[t], device.charge_scale, reference[t], g_on[t], die.tile_gain[t], pulses[t].flux,
-            pulses[t].duration, coordinate(t, 0.0), coordinate(t, 1.0), parameters[t],
+            law[t], family[t], device.charge_scale, device.charge_scale / MEM_LIFETIME, reference[t], g_on[t],
+            die.tile_gain[t], pulses[t].flux, pulses[t].duration, coordinate(t, 0.0), coordinate(t, 1.0),
+            parameters[t],
         )  # fmt: skip
     neurons = np.zeros(n, dtype=f.NEURON_FIELDS)
     neurons["a"], neurons["b"], neurons["y_thresh"] = (
@@ -134,8 +137,10 @@ def build_fabric(
     reads, read_starts = (cell, starts) if isinstance(wires, f.NoWires) else _reads(die, taps, late, cells)
     fabric = f.Fabric(
         cells=cell, starts=starts, reads=reads, read_starts=read_starts,
-        tiles=tiles, neurons=neurons, constants=constants,
-        table=table, phase=phase, levels=np.stack([row_level, column_level], axis=1),
+        tiles=tiles, neurons=neurons, constants=constants, table=table, asking=np.argwhere(table).astype(np.uint64),
+        pairs=_pairs(cells, n),
+        programmed=_programmed(cells, family, n), phase=phase, levels=levels,
+        seen=_seen(levels, table.shape[0], drive.shape.event),
         wires=wires, pulses=f.AnyPulses() if (family == INTEGRATED).any() else f.ClosedPulses(),
         lines=f.DrivenLines() if is_driven else f.SelectedCells(),
         rest=f.Passing() if effects.decay != 1.0 or effects["read_disturb"] > 0.0 else f.Lasting(),
@@ -244,6 +249,38 @@ def _table(plan: Plan, lowest: float, counts_half_selects: bool) -> Any:
             if seen > lowest or (counts_half_selects and seen > 0.0):
                 table[pre, post] |= f.MAY_FIRE
     return table
+
+
+def _seen(levels: FloatArray, size: int, event: float) -> FloatArray:
+    """Levels of a cell's lines and what it sees, axes (phase, ls_pre, ls_post, [row, column, pulse voltages])."""
+    seen = np.zeros((len(levels), size, size, 3))
+    # Fewer in a network without plastic synapses, whose waveform is never used.
+    known = min(levels.shape[-1], size)
+    row, column = levels[:, f.ROW, :known, None], levels[:, f.COLUMN_LINE, None, :known]
+    seen[:, :known, :known, 0], seen[:, :known, :known, 1] = row, column
+    seen[:, :known, :known, 2] = np.abs(column - row) / event
+    return seen
+
+
+def _busy_lines(plan: Plan) -> list[int]:
+    """Where the lines of each tile begin that are programmed side by side: its bit lines, or the tile as one."""
+    widths = [physical_shape(plan, t)[1] if plan.hardware.drive.parallelism == "column" else 1
+              for t in range(len(plan.tiles))]  # fmt: skip
+    return [sum(widths[:t]) for t in range(len(widths))]
+
+
+def _pairs(cells: list[_Cell], n: int) -> f.Indices:
+    """Where the cells of each pair begin, axes (receiver * n + sender,), and the end."""
+    return np.searchsorted([c.receiver * n + c.sender for c in cells], np.arange(n * n + 1)).astype(np.uint64)
+
+
+def _programmed(cells: list[_Cell], family: IntArray, n: int) -> IntArray:
+    """Senders of the cells of each receiver that programming reaches, as bits, axes (receiver, word)."""
+    found = np.zeros((n, f.words_of(n)), dtype=np.int64)
+    for c in cells:
+        if family[c.tile] != NOT_PLASTIC:
+            found[c.receiver, c.sender // f.WORD] |= 1 << c.sender % f.WORD
+    return found
 
 
 def _biases(die: Die) -> FloatArray:

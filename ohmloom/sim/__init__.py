@@ -2,6 +2,7 @@
 
 from ohmloom.sim.agreement import Agreement, Divergence, agreement
 from ohmloom.sim.arena import Arena
+from ohmloom.sim.batch import DieRuns, run_dies
 from ohmloom.sim.check import Check, Scheme, check
 from ohmloom.sim.evolution import Evolution, EvolutionSettings, OpenSettings, evolve
 from ohmloom.sim.feasibility import Feasibility, feasibility
@@ -13,6 +14,7 @@ __all__ = [
     "Arena",
     "Check",
     "Controller",
+    "DieRuns",
     "Divergence",
     "Evolution",
     "EvolutionSettings",
@@ -27,5 +29,6 @@ __all__ = [
     "check",
     "evolve",
     "feasibility",
+    "run_dies",
     "run_trial",
 ]

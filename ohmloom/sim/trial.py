@@ -228,14 +228,17 @@ def run_trial(
 
 
 def trial_fitness(controller: Any, arena: Arena, trial_key: int) -> tuple[float, bool, int]:
-    """Fitness, solved and executed timesteps of a compiled controller's trial, without a recording."""
+    """Fitness, solved and executed timesteps of a trial, without a recording if the controller runs in one call."""
     from ohmloom.sim import _trial_kernels
 
     wiring, state = controller.kernel_arguments
+    if wiring is None:
+        trial = run_trial(controller, arena, trial_key=trial_key)
+        return trial.fitness, trial.solved, len(trial.actions)
     robot = _new_robot()
     none = np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros((0, 6))
     executed = _trial_kernels.run(
-        arena.world(), robot, np.uint64(trial_key), wiring, state, np.zeros(wiring.neurons, dtype=np.int64),
+        arena.world(), robot, np.uint64(trial_key), wiring, state, np.zeros(_neurons(wiring), dtype=np.int64),
         np.zeros(6), 0, False, *none, np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64),
     )  # fmt: skip
     return _fitness(arena, robot), _is_solved(arena, robot), int(executed)

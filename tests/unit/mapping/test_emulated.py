@@ -111,6 +111,19 @@ def test_other_readings_are_followed(readings):
         assert (discrete.spike_counts == emulated.spike_counts).all()
 
 
+def test_neurons_beyond_one_word_of_bits_are_programmed_too():
+    rng = np.random.default_rng(13)
+    network = Network.random(system="HP", rng=rng, hidden=70, enable_probability=0.2)
+    discrete, emulated = pair(network, "ideal")
+    for sensors in rng.random((6, 6)):
+        discrete.step(sensors)
+        emulated.step(sensors)
+        assert (discrete.spike_counts == emulated.spike_counts).all()
+        assert (emulated.weights == discrete.weights).all()
+    beyond = np.array([max(s.pre, s.post) for s in network.synapses]) >= 62
+    assert (emulated.pulses[beyond] > 0).sum() > 100
+
+
 def test_a_thousandth_more_charge_moves_the_weights():
     network = Network.random(system="HET", rng=np.random.default_rng(11))
     discrete, emulated = pair(network, perturb=0.001)
