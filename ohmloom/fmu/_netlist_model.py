@@ -6,28 +6,13 @@ from collections.abc import Iterable
 from typing import Any
 
 from ohmloom.devices import LAWS, Device
-from ohmloom.devices._emit_c import emit_function
 from ohmloom.devices.laws._law import ORDERED
-from ohmloom.fmu._device_code import PARTIALS
+from ohmloom.fmu._law_code import PARTIALS
 from ohmloom.fmu._netlist_code import Circuit
 from ohmloom.fmu._tables import array, variable_table
 from ohmloom.fmu.description import Description
 
 STATES, VOLTAGES = (0.0, 0.37, 1.0), (-0.9, -1e-3, 0.2, 0.6)  # where conductances are compared with those at 0 V
-
-
-def law_text(cards: Iterable[Device], functions: Iterable[str] | None = None) -> str:
-    """``law.c``: the functions of every law among `cards`, once; all, or those that are named."""
-    lines = [
-        "/* Laws: conductance [S] of s and v, charge rate [A] of s, v and i, charge scale [C], and derivatives. */"
-    ]
-    wanted = {"conductance": "sv", "charge_rate": "svi", "charge_scale": "", **PARTIALS}
-    if functions is not None:
-        wanted = {name: wanted[name] for name in functions}
-    for name in dict.fromkeys(card.law for card in cards):
-        for function, arguments in wanted.items():
-            lines += ["", *emit_function(LAWS[name], f"static double {name}_{function}", function, tuple(arguments))]
-    return "\n".join([*lines, ""])
 
 
 def netlist_model(circuit: Circuit, description: Description, outputs: list[tuple[str, int]]) -> str:

@@ -14,8 +14,9 @@ from ohmloom.circuits.elements import Resistor, VoltageSource
 from ohmloom.devices.emit import identifier
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.fmu._compile import Platforms
+from ohmloom.fmu._law_code import law_text
 from ohmloom.fmu._netlist_code import analyse, netlist_description, with_arrays
-from ohmloom.fmu._netlist_model import law_text, netlist_model
+from ohmloom.fmu._netlist_model import netlist_model
 from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import FmiVersion
 from ohmloom.fmu.discrete import LICENCE, runtime_file
@@ -76,7 +77,7 @@ def export_crossbar(
                                  f"{netlist.name}. Leave arrays out.")  # fmt: skip
         description = with_arrays(description)
     model = {
-        "law.c": law_text(found.cards),
+        "law.c": law_text(card.law for card in found.cards),
         "model.c": netlist_model(found, description, outputs),
         "netlist.c": runtime_file("netlist.c"),
     }
@@ -84,7 +85,7 @@ def export_crossbar(
         f"{len(found.memristors)} memristors, {len(found.resistors)} resistors, {len(found.sources)} voltage sources, "
         f"{found.free} nodes whose potentials are solved for.",
         "i = G(s, v) v and dq/dt = charge rate(s, v, i) for each memristor, s = q/q_d in [0, 1]; Kirchhoff's current "
-        "law at each node. See sources/netlist.c, and sources/law.c for the laws.",
+        "law at each node. See sources/fmu.c, parts netlist.c and law.c.",
         *(f"Card {card.name}: {card.law}, {card.source} (sha256 {card.sha256})." for card in found.cards),
         LICENCE,
     ]

@@ -265,7 +265,7 @@ def test_large_arrays_are_loops(files, tmp_path, monkeypatch):
         array = MemristorCrossbar(devices=HP, s=states((n, n)), r_row=1.0, r_column=1.0)
         file = export_crossbar(array, tmp_path / f"{n}.fmu").path
         fmpy.extract(str(file), str(tmp_path / str(n)))
-        text = (tmp_path / str(n) / "sources" / "model.c").read_text()
+        text = (tmp_path / str(n) / "sources" / "fmu.c").read_text()
         sizes.append(sum(line.rstrip().endswith((";", "{")) for line in text.splitlines()))
     assert sizes[0] == sizes[1]
 
