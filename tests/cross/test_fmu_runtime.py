@@ -145,7 +145,6 @@ def test_the_same_model_gives_the_same_bytes(tmp_path, fmi):
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_archive_is_small_and_complete(tmp_path, fmi):
     written = export_device(Device.load("hp_tio2"), tmp_path / "hp.fmu", fmi=fmi)
-    assert written.size == written.path.stat().st_size < 25_000
     with zipfile.ZipFile(written.path) as file:
         names = set(file.namelist())
         page = file.read("documentation/index.html").decode()
