@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmloom.circuits import MemristorCrossbar, Netlist, PulseTrain, memristor_netlist
 from ohmloom.circuits._topology import check_topology
-from ohmloom.circuits.elements import Resistor, VoltageSource
+from ohmloom.circuits.elements import VCCS, VCVS, Resistor, VoltageSource
 from ohmloom.devices.emit import identifier
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.fmu._compile import Platforms
@@ -35,8 +35,8 @@ def export_crossbar(
     """Write memristors with the wires between them as one FMU, for model exchange and co-simulation.
 
     The potentials of all nodes are solved for inside, so that no algebraic loop is left to a master. In: the voltage of
-    each voltage source, which has one end at ground, and the current of each current source; waveforms are left to the
-    importer, and give the start values. Out: the charge of each memristor, its state, which stops at 0 and at its q_d;
+    each voltage source and the current of each current source; waveforms are left to the importer, and give the start
+    values. Out: the charge of each memristor, its state, which stops at 0 and at its q_d;
     and of a netlist the node potentials and the currents of voltage sources and memristors. Parameters: those of the
     cards, tunable, and the charges at the start.
 
@@ -46,7 +46,8 @@ def export_crossbar(
     Parameters
     ----------
     circuit
-        A crossbar, or a netlist of resistors, memristors and sources; one that `memristor_netlist` made is a crossbar.
+        A crossbar, or a netlist of resistors, memristors and sources, controlled ones among them; one that
+        `memristor_netlist` made is a crossbar.
     out, fmi, platforms
         As `export_device` has them.
     arrays
@@ -69,6 +70,8 @@ def export_crossbar(
     check_topology(netlist.flat, is_dc=True)
     sources = [e for e in netlist.flat if isinstance(e, VoltageSource)]
     is_crossbar = netlist.name == "crossbar" and all(re.fullmatch(r"[VH]_\d+", source.name) for source in sources)
+    if any(isinstance(e, VCVS | VCCS) for e in netlist.flat):
+        netlist.dc()  # which names the sources that leave no or more than one solution
     found = analyse(where, netlist.flat, netlist.nodes, is_crossbar=is_crossbar)
     description, outputs = netlist_description(netlist.name, identifier(netlist.name), found)
     if arrays:
