@@ -274,6 +274,23 @@ def enter(one, q, v):
     one.fmu.enterContinuousTimeMode()
 
 
+def test_derivatives_of_a_law_in_rounds_equal_differences(tmp_path, master):
+    """Pickett's, whose slopes follow from what its rounds solve; in the gap's own range, and beyond it."""
+    file = export_device(Device.load("pickett"), tmp_path / "pickett.fmu", fmi=3).path
+    unknowns, sizes = ("der(q)", "i", "memristance"), {"v": 1e-6, "q0": 1e-6}
+    for v, q in ((-0.4, 0.3), (0.55, 0.62), (1.3, 0.9)):
+        at = {"v": v, "q0": q}
+        one = master(file, **at)
+        refs = [one.variables[name].valueReference for name in (*unknowns, "v", "q")]
+        for name, known in (("v", refs[-2]), ("q0", refs[-1])):
+            ends = [np.array(master(file, **{**at, name: at[name] + sign * sizes[name]}).get(*unknowns))
+                    for sign in (1.0, -1.0)]  # fmt: skip
+            wanted = (ends[0] - ends[1]) / (2.0 * sizes[name])
+            found = one.fmu.getDirectionalDerivative(refs[:3], [known], [1.0])
+            # The rounds' own error of 1e-12 or so, over steps of 1e-6.
+            np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-9 * abs(ends[0]).max())
+
+
 def test_adjoint_is_the_transpose(instance):
     one = instance(3)
     one.set("v", V)
