@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ohmloom.devices._symbolic import Dialect, trace, wrapped, write
+from ohmloom.devices._symbolic import Assignment, Dialect, trace, wrapped, write
 from ohmloom.devices.laws import Law
+from ohmloom.devices.laws._law import Rounds
 
 C = Dialect(functions={})
 
@@ -29,7 +30,7 @@ def emit_c(name: str, header: list[str], law: Law, values: tuple[float, ...]) ->
         "};",
         "",
         "/* G(s, v) in S. */",
-        *emit_function(law, f"double {name}_conductance", "conductance", ("s", "v")),
+        *emit_function(law, f"double {name}_", "conductance", ("s", "v")),
         "",
         "/* i in A, positive into the first terminal. */",
         f"double {name}_current({states}, const double *p)",
@@ -38,10 +39,10 @@ def emit_c(name: str, header: list[str], law: Law, values: tuple[float, ...]) ->
         "}",
         "",
         "/* dq/dt in A, before walls. */",
-        *emit_function(law, f"double {name}_charge_rate", "charge_rate", ("s", "v", "i")),
+        *emit_function(law, f"double {name}_", "charge_rate", ("s", "v", "i")),
         "",
         "/* q_d in C: the state charge between the walls. */",
-        *emit_function(law, f"double {name}_charge_scale", "charge_scale", ()),
+        *emit_function(law, f"double {name}_", "charge_scale", ()),
         "",
         "/* ds/dt in 1/s; 0 where it points outward at a wall. */",
         f"double {name}_state_rate({states}, const double *p)",
@@ -53,23 +54,63 @@ def emit_c(name: str, header: list[str], law: Law, values: tuple[float, ...]) ->
     return "\n".join(lines) + "\n"
 
 
-def emit_function(law: Law, head: str, wanted: str, arguments: tuple[str, ...]) -> list[str]:
-    """Lines of the C function that begins with `head` and gives what `trace` calls `wanted`."""
-    program = trace(law, wanted)
+def emit_function(law: Law, prefix: str, wanted: str, arguments: tuple[str, ...]) -> list[str]:
+    """Lines of the C function that gives what `trace` calls `wanted`; its name is that after `prefix`."""
+    if wanted == "conductance" and law.rounds is not None:
+        return _loop(law, prefix, law.rounds)
+    reading, steps = _body(law, (wanted,), arguments, prefix)
+    *steps, result = steps
+    head = _head(f"{prefix}{wanted}", arguments)
+    return [head, "{", *reading, *map(_constant, steps), wrapped(f"return {result.text};", 4), "}"]
+
+
+def _head(name: str, arguments: tuple[str, ...]) -> str:
+    return f"{name}({', '.join([*(f'double {argument}' for argument in arguments), 'const double *p'])})"
+
+
+def _loop(law: Law, prefix: str, rounds: Rounds) -> list[str]:
+    """A conductance that is found in rounds: its parts, and the loop over them."""
+    own = f"static {prefix.removeprefix('static ')}conductance_"
+    name = own.split()[-1]
+    parts = {"start": ("s", "v"), "advance": ("u", "s", "v"), "finish": ("u", "s", "v")}
+    lines = [line for part, arguments in parts.items() for line in (*emit_function(law, own, part, arguments), "")]
+    return [
+        *lines,
+        _head(f"{prefix}conductance", ("s", "v")),
+        "{",
+        f"    double u = {name}start(s, v, p);",
+        "    int k;",
+        f"    for (k = 0; k < {rounds.count}; k++)",
+        f"        u = {name}advance(u, s, v, p);",
+        f"    return {name}finish(u, s, v, p);",
+        "}",
+    ]
+
+
+def emit_together(law: Law, head: str, wanted: tuple[str, ...], arguments: tuple[str, ...]) -> list[str]:
+    """Lines of the C function `head` that writes all that is `wanted` to the array `by`."""
+    reading, steps = _body(law, wanted, arguments, f"{law.name}_")
+    written = [f"    by[{k}] = {name};" for k, name in enumerate(wanted)]
+    return [head, "{", *reading, *map(_constant, steps), *written, "}"]
+
+
+def _constant(step: Assignment) -> str:
+    return wrapped(f"const double {step.name} = {step.text};", 4)
+
+
+def _body(
+    law: Law, wanted: tuple[str, ...], arguments: tuple[str, ...], prefix: str
+) -> tuple[list[str], list[Assignment]]:
+    """Lines that read the parameters, and the assignments that end in what is wanted."""
+    program = trace(law, *wanted)
     used = program.symbols
     read = [
         f"    const double {parameter} = p[{k}];"
         for k, parameter in enumerate(law.parameter_names)
         if parameter in used
     ]
+    if "g" in used:
+        read.append(f"    const double g = {prefix.split()[-1]}conductance(s, v, p);")
+        used |= {"s", "v"}
     unused = [argument for argument in arguments if argument not in used] + ([] if read else ["p"])
-    *steps, result = write(program, C)
-    return [
-        f"{head}({', '.join([*(f'double {argument}' for argument in arguments), 'const double *p'])})",
-        "{",
-        *(f"    (void){argument};" for argument in unused),
-        *read,
-        *(wrapped(f"const double {step.name} = {step.text};", 4) for step in steps),
-        wrapped(f"return {result.text};", 4),
-        "}",
-    ]
+    return [*(f"    (void){argument};" for argument in unused), *read], write(program, C)

@@ -30,6 +30,7 @@ FUNCTIONS = {
     "FLOOR": "floor", "CEIL": "ceil",
 }  # fmt: skip
 ATOM = 7
+STATES = ("s", "v", "i", "u", "g")  # symbols that are no parameters
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,8 @@ def trace(law: Law, *wanted: str) -> Program:
 
     ``conductance`` and ``charge_rate`` as the law has them, the latter in the symbols s, v and i; ``charge_scale``;
     ``i`` = conductance v; ``rate`` = charge_rate/charge_scale with that i, before walls; and ``conductance_by_s``,
-    ``charge_rate_by_i`` and so on, the partial derivatives of the first two.
+    ``charge_rate_by_i`` and so on, the partial derivatives of the first two. Of a law with rounds also ``start``,
+    ``advance`` and ``finish``, in the symbol u too; the derivatives of its conductance have the symbol g for that.
 
     Raises
     ------
@@ -97,22 +99,27 @@ def trace(law: Law, *wanted: str) -> Program:
     """
     import casadi
 
-    names = ("s", "v", "i", *law.parameter_names)
+    names = (*STATES, *law.parameter_names)
     symbols = [casadi.SX.sym(name) for name in names]
-    s, v, i, *p = symbols
-    conductance, charge_scale = law.conductance(s, v, p), law.charge_scale(p)
-    current = conductance * v
-    made = {
-        "conductance": conductance,
-        "charge_rate": law.charge_rate(s, v, i, p),
-        "charge_scale": charge_scale,
-        "i": current,
-        "rate": law.charge_rate(s, v, current, p) / charge_scale,
-    }
+    s, v, i, u, g, *p = symbols
+    made = {"charge_rate": law.charge_rate(s, v, i, p), "charge_scale": law.charge_scale(p)}
+    if law.rounds is not None:
+        made |= {"start": law.rounds.start(s, v, p), "advance": law.rounds.advance(u, s, v, p),
+                 "finish": law.rounds.finish(u, s, v, p)}  # fmt: skip
+    if {"conductance", "i", "rate"} & set(wanted) or law.rounds is None:
+        made["conductance"] = law.conductance(s, v, p)
+        made["i"] = made["conductance"] * v
+        made["rate"] = law.charge_rate(s, v, made["i"], p) / made["charge_scale"]
     for name in wanted:
         differentiated, by, symbol = name.rpartition("_by_")
-        if by:
-            made[name] = casadi.jacobian(casadi.SX(made[differentiated]), symbols[names.index(symbol)])
+        if not by:
+            continue
+        x = symbols[names.index(symbol)]
+        if differentiated == "conductance" and law.rounds is not None:
+            balance = casadi.SX(law.rounds.balance(g, s, v, p))
+            made[name] = -casadi.jacobian(balance, x) / casadi.jacobian(balance, g)
+        else:
+            made[name] = casadi.jacobian(casadi.SX(made[differentiated]), x)
     function = casadi.Function("law", symbols, [casadi.SX(made[name]) for name in wanted])
     return _read_off(law.name, function, names, wanted)
 
@@ -162,6 +169,10 @@ def _read_off(law_name: str, function: Any, names: tuple[str, ...], wanted: tupl
         else:
             _check_known(law_name, kind)
             step = Operation(kind, tuple(register[index] for index in inputs))
+            chosen = _chosen(operations, step)
+            if chosen is not None:
+                register[results[0]] = chosen
+                continue
         if step not in known:
             known[step] = len(operations)
             operations.append(step)
@@ -171,7 +182,36 @@ def _read_off(law_name: str, function: Any, names: tuple[str, ...], wanted: tupl
         if k not in outputs:
             outputs[k] = len(operations)
             operations.append(Operation("CONST", leaf=0.0))
-    return Program(operations=tuple(operations), outputs=tuple((name, outputs[k]) for k, name in enumerate(wanted)))
+    return _living(operations, [(name, outputs[k]) for k, name in enumerate(wanted)])
+
+
+def _chosen(operations: list[Operation], step: Operation) -> int | None:
+    """The index of ``x <= y`` if `step` is ``(x <= y)/((x <= y) + (y <= x))``, the slope of a smaller or larger value.
+
+    They differ where x = y alone, where there is no slope.
+    """
+    if step.kind != "DIV" or operations[step.arguments[1]].kind != "ADD":
+        return None
+    first, both = step.arguments[0], operations[step.arguments[1]].arguments
+    one, other = operations[first], operations[both[1]]
+    is_choice = both[0] == first and one.kind == other.kind == "LE" and one.arguments == other.arguments[::-1]
+    return first if is_choice else None
+
+
+def _living(operations: list[Operation], outputs: list[tuple[str, int]]) -> Program:
+    """The operations that outputs need, in their order."""
+    needed = {index for _, index in outputs}
+    for index in range(len(operations) - 1, -1, -1):
+        if index in needed:
+            needed.update(operations[index].arguments)
+    place = {index: k for k, index in enumerate(sorted(needed))}
+    return Program(
+        operations=tuple(
+            Operation(step.kind, tuple(place[k] for k in step.arguments), step.leaf)
+            for step in (operations[index] for index in place)
+        ),
+        outputs=tuple((name, place[index]) for name, index in outputs),
+    )
 
 
 def _check_known(law_name: str, kind: str) -> None:
@@ -210,7 +250,7 @@ class _Writer:
             self._step(index, step, outputs.get(index, []))
 
     def _step(self, index: int, step: Operation, outputs: list[str]) -> None:
-        is_variable = step.kind == "INPUT" and step.leaf in ("s", "v", "i")
+        is_variable = step.kind == "INPUT" and step.leaf in STATES
         self.is_fixed.append(not is_variable and all(self.is_fixed[k] for k in step.arguments))
         fixed, is_leaf = self.is_fixed[index], not step.arguments
         if not is_leaf:

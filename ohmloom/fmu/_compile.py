@@ -18,8 +18,8 @@ from ohmloom.errors import OperationError
 
 Platforms = Literal["host", "all"]
 # No contraction to fused operations: every platform rounds alike.
-FLAGS = ("-std=c99", "-O2", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-shared",
-         "-fno-asynchronous-unwind-tables", "-ffunction-sections")  # fmt: skip
+FLAGS = ("-std=c99", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-shared", "-fno-asynchronous-unwind-tables",
+         "-ffunction-sections", "-falign-functions=1", "-falign-loops=1")  # fmt: skip
 TIMEOUT = 600.0  # s; the first use of a target builds its C library
 
 
@@ -72,7 +72,9 @@ def _zig() -> tuple[str, ...] | None:
     return (sys.executable, "-m", "ziglang", "cc") if importlib.util.find_spec("ziglang") else None
 
 
-def compile_library(sources: dict[str, bytes], target: str = "") -> bytes | None:
+def compile_library(
+    sources: dict[str, bytes], target: str = "", *, flags: tuple[str, ...] = (*FLAGS, "-O2")
+) -> bytes | None:
     """The shared library of `sources`, whose ``fmu.c`` includes the rest; for `target`, by default for this machine.
 
     Returns None if there is no compiler for it.
@@ -87,15 +89,22 @@ def compile_library(sources: dict[str, bytes], target: str = "") -> bytes | None
         return None
     place = TARGETS[target or host()]
     is_zig = "ziglang" in compiler
-    words = [*compiler, *FLAGS]
+    words = [*compiler, *flags]
     if is_zig:
         # Zig checks for undefined behaviour unless it is told not to.
         words += ["-fno-sanitize=all", "-target", place.zig]
     if place.ending != ".dll":
         words += ["-fPIC"]
     if place.ending == ".so":
-        words += ["-Wl,--build-id=none", "-Wl,-z,noexecstack", "-Wl,--gc-sections"]
-        words += [] if is_zig else ["-Wl,-z,noseparate-code"]  # which makes it a third smaller
+        words += [
+            "-fno-unwind-tables",
+            "-Wl,--build-id=none",
+            "-Wl,-z,noexecstack",
+            "-Wl,--gc-sections",
+            "-Wl,--hash-style=gnu",
+        ]
+        # Nothing runs at loading, so start files are of no use; unpadded segments make a library a third smaller.
+        words += [] if is_zig else ["-nostartfiles", "-Wl,-z,noseparate-code", "-Wl,-z,now", "-fno-plt"]
     words += ["-s", "fmu.c", "-o", f"fmu{place.ending}"]
     words += [] if place.ending == ".dll" else ["-lm"]
     with tempfile.TemporaryDirectory(prefix="ohmloom-") as folder:

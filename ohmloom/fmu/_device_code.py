@@ -4,19 +4,11 @@ from __future__ import annotations
 
 from ohmloom.devices import LAWS, Device
 from ohmloom.devices._checks import LARGEST_VOLTAGE
-from ohmloom.devices._emit_c import emit_function
 from ohmloom.devices.emit import identifier
 from ohmloom.devices.laws._law import ORDERED
+from ohmloom.fmu._law_code import FUNCTIONS, law_text, partials_text
 from ohmloom.fmu._tables import variable_table
 from ohmloom.fmu.description import Description, Variable
-
-PARTIALS = {
-    "conductance_by_s": "sv",
-    "conductance_by_v": "sv",
-    "charge_rate_by_s": "svi",
-    "charge_rate_by_v": "svi",
-    "charge_rate_by_i": "svi",
-}
 
 
 def device_description(device: Device, q0: float) -> Description:
@@ -65,8 +57,8 @@ def device_description(device: Device, q0: float) -> Description:
 
 
 def device_code(device: Device, description: Description) -> dict[str, str]:
-    """``law.c``, as `Device.emit` writes it, and ``model.c``."""
-    law, name = LAWS[device.law], identifier(device.name)
+    """``law.c`` and ``model.c``."""
+    law = LAWS[device.law]
     checks = [
         f"    if (!(p[{law.parameter_names.index(low)}] < p[{law.parameter_names.index(high)}]))\n"
         f'        return "{low}: expected {low} < {high}";'
@@ -74,12 +66,12 @@ def device_code(device: Device, description: Description) -> dict[str, str]:
         if {low, high} <= set(law.parameter_names)
     ]
     n = len(law.parameters)
-    partials = []
-    for wanted, arguments in PARTIALS.items():
-        partials += ["", *emit_function(law, f"static double {name}_{wanted}", wanted, tuple(arguments))]
-    text = _MODEL.replace("@variables@", variable_table(description)).replace("@checks@", "\n".join(checks))
-    text = text.replace("@partials@", "\n".join(partials)).replace("law_", f"{name}_").replace("@n_p@", str(n + 1))
-    return {"law.c": device.emit("c"), "model.c": text.replace("@q0@", str(n))}
+    values = {"variables": variable_table(description), "checks": "\n".join(checks), "partials": partials_text(law),
+              "n_p": str(n + 1), "q0": str(n)}  # fmt: skip
+    text = _MODEL.replace("law_", f"{law.name}_")
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    return {"law.c": law_text([law.name], FUNCTIONS), "model.c": text}
 
 
 def _dependencies(device: Device) -> dict[str, tuple[str, ...]]:
@@ -141,34 +133,32 @@ static void model_start(const double *p, const double *c, double *x) { x[0] = fm
 static void model_rates(const double *p, const double *c, const double *u, const double *x, double *rates)
 {
     const double s = x[0] / c[0], v = u[0];
-    rates[0] = law_charge_rate(s, v, law_current(s, v, p), p);
+    rates[0] = law_charge_rate(s, v, law_conductance(s, v, p) * v, p);
 }
 
 static void model_outputs(const double *p, const double *c, const double *u, const double *x, double *y)
 {
     const double s = x[0] / c[0], g = law_conductance(s, 0.0, p);
-    y[0] = law_current(s, u[0], p);
+    y[0] = law_conductance(s, u[0], p) * u[0];
     y[1] = 1.0 / g;
     y[2] = g / c[1];
 }
 @partials@
 
 /* Of rate, i, memristance and weight, by v and by q. */
-static void model_partials(const double *p, const double *c, const double *u, const double *x, double d[4][2])
+SELDOM static void model_partials(const double *p, const double *c, const double *u, const double *x, double d[4][2])
 {
-    const double s = x[0] / c[0], v = u[0], i = law_current(s, v, p);
-    const double g = law_conductance(s, 0.0, p), g_by_s = law_conductance_by_s(s, 0.0, p);
-    const double i_by_s = law_conductance_by_s(s, v, p) * v;
-    const double i_by_v = law_conductance(s, v, p) + law_conductance_by_v(s, v, p) * v;
-    const double rate_by_i = law_charge_rate_by_i(s, v, i, p);
-    d[0][0] = law_charge_rate_by_v(s, v, i, p) + rate_by_i * i_by_v;
-    d[0][1] = (law_charge_rate_by_s(s, v, i, p) + rate_by_i * i_by_s) / c[0];
-    d[1][0] = i_by_v;
-    d[1][1] = i_by_s / c[0];
-    d[2][0] = 0.0;
-    d[2][1] = -g_by_s / (g * g) / c[0];
-    d[3][0] = 0.0;
-    d[3][1] = g_by_s / c[1] / c[0];
+    const double s = x[0] / c[0], v = u[0], g = law_conductance(s, v, p), weak = law_conductance(s, 0.0, p);
+    double at_rest[5], by[5]; /* conductance by s and v, charge rate by s, v and i */
+    law_partials(s, 0.0, 0.0, p, at_rest);
+    law_partials(s, v, g * v, p, by);
+    d[1][0] = g + by[1] * v;
+    d[1][1] = by[0] * v / c[0];
+    d[0][0] = by[3] + by[4] * d[1][0];
+    d[0][1] = by[2] / c[0] + by[4] * d[1][1];
+    d[2][0] = d[3][0] = 0.0;
+    d[2][1] = -at_rest[0] / (weak * weak) / c[0];
+    d[3][1] = at_rest[0] / c[1] / c[0];
 }
 
 static void model_forward(const double *p, const double *c, const double *u, const double *x, const double *du,

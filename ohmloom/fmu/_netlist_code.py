@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmloom.circuits.elements import GROUND, CurrentSource, Memristor, Resistor, Simple, VoltageSource
+from ohmloom.circuits.elements import GROUND, VCCS, VCVS, CurrentSource, Memristor, Resistor, Simple, VoltageSource
 from ohmloom.circuits.waveforms import Waveform
 from ohmloom.devices import LAWS, Device
 from ohmloom.devices._checks import LARGEST_VOLTAGE
@@ -32,8 +32,11 @@ class Circuit:
         Number of free nodes, and of the matrix's diagonals below the main one.
     sources, signs
         Voltage sources, and +1 or -1 for those whose p or n is not ground.
-    outputs
-        What is put out besides the charges: a kind of netlist.c, a place, and a variable.
+    branches
+        Number of the current of each voltage source that is controlled or stands between two nodes; it counts as that
+        of a free node.
+    links
+        ``(to, from, share)`` of what these sources add: see netlist.c.
     """
 
     places: dict[str, int]
@@ -45,6 +48,8 @@ class Circuit:
     resistors: tuple[Resistor, ...]
     memristors: tuple[Memristor, ...]
     cards: tuple[Device, ...]
+    branches: dict[str, int]
+    links: tuple[tuple[int, int, float], ...]
     is_crossbar: bool
 
 
@@ -54,7 +59,7 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
     Raises
     ------
     ParameterError
-        If there is an element of another kind, or a voltage source between two nodes that are not ground.
+        If there is an element of another kind.
     """
     merged = {node: node for node in (GROUND, *nodes)}
 
@@ -63,7 +68,7 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
             node = merged[node]
         return node
 
-    kinds = (Resistor, Memristor, VoltageSource, CurrentSource)
+    kinds = (Resistor, Memristor, VoltageSource, CurrentSource, VCVS, VCCS)
     elements = list(elements)
     for element in elements:
         if not isinstance(element, kinds):
@@ -80,24 +85,49 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
     signs = []
     for source in sources:
         p, n = root(source.p), root(source.n)
-        if GROUND not in (p, n):
-            raise ParameterError(f"{where}: {source.name}: expected a voltage source with one end at ground, got "
-                                 f"{source.p} and {source.n}. Drive both nodes against ground.")  # fmt: skip
-        held[p if n == GROUND else n] = len(held)
-        signs.append(1.0 if n == GROUND else -1.0)
-    free = list(dict.fromkeys(r for r in map(root, nodes) if r != GROUND and r not in held))
+        # One that stands between two nodes holds a place of its own, which a source of gain 1 follows.
+        held[f"{source.name}:" if GROUND not in (p, n) else p if n == GROUND else n] = len(held)
+        signs.append(-1.0 if p == GROUND else 1.0)
+    branches, links = _links(elements, root)
+    free = list(dict.fromkeys(r for r in map(root, nodes) if r != GROUND and r not in held)) + branches
     resistors = tuple(e for e in elements if isinstance(e, Resistor) and root(e.p) != root(e.n))
     memristors = tuple(e for e in elements if isinstance(e, Memristor))
     if not memristors:
         raise ParameterError(f"{where}: expected at least one memristor, got none. A crossbar FMU is one of devices.")
-    order, band = _band(free, [(root(e.p), root(e.n)) for e in _pair(resistors, memristors)])
+    pairs = [(root(e.p), root(e.n)) for e in _pair(resistors, memristors)]
+    order, band = (free, 0) if links else _band(free, pairs)
     number_of = {node: k for k, node in enumerate(order)} | {GROUND: len(free)}
     number_of |= {node: len(free) + 1 + k for node, k in held.items()}
     return Circuit(
         places={node: number_of[root(node)] for node in merged}, free=len(free), band=band, sources=sources,
         signs=tuple(signs), currents=tuple(e for e in elements if isinstance(e, CurrentSource)), resistors=resistors,
         memristors=memristors, cards=tuple(dict.fromkeys(m.device for m in memristors)), is_crossbar=is_crossbar,
+        branches={branch.removesuffix("#"): number_of[branch] for branch in branches},
+        links=tuple((number_of[to], number_of[of], share) for to, of, share in links),
     )  # fmt: skip
+
+
+def _links(elements: Iterable[Simple], root: Any) -> tuple[list[str], list[tuple[str, str, float]]]:
+    """Currents that are unknowns, as places, and what each source that is no plain one adds to the current into places.
+
+    Into the place of such a current flows what its equation is not balanced by.
+    """
+    branches: list[str] = []
+    links: list[tuple[str, str, float]] = []
+    for e in elements:
+        if isinstance(e, VCCS):
+            p, n, g = root(e.p), root(e.n), e.transconductance
+            ends = ((root(e.control_p), 1.0), (root(e.control_n), -1.0))
+            links += [(to, of, out * sign * g) for to, out in ((p, -1.0), (n, 1.0)) for of, sign in ends]
+        elif isinstance(e, VCVS) or (isinstance(e, VoltageSource) and GROUND not in (root(e.p), root(e.n))):
+            p, n, current = root(e.p), root(e.n), f"{e.name}#"
+            branches.append(current)
+            links += [(p, current, -1.0), (n, current, 1.0), (current, p, 1.0), (current, n, -1.0)]
+            if isinstance(e, VCVS):
+                links += [(current, root(e.control_p), -e.gain), (current, root(e.control_n), e.gain)]
+            else:
+                links.append((current, f"{e.name}:", -1.0))
+    return branches, links
 
 
 def _pair(resistors: Iterable[Resistor], memristors: Iterable[Memristor]) -> list[Resistor | Memristor]:
@@ -162,9 +192,12 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
             if node != GROUND:
                 outputs.append(output(f"v.{_structured(node)}", "V", "potential against ground", "POTENTIAL", place,
                                       [place]))  # fmt: skip
+        told = "current from p through the source to n"
         for k, source in enumerate(circuit.sources):
-            outputs.append(output(f"i.{_structured(source.name)}", "A", "current from p through the source to n",
-                                  "SOURCE", k, [free + 1 + k]))  # fmt: skip
+            if source.name not in circuit.branches:
+                outputs.append(output(f"i.{_structured(source.name)}", "A", told, "SOURCE", k, [free + 1 + k]))
+        for branch, place in circuit.branches.items():
+            outputs.append(output(f"i.{_structured(branch)}", "A", told, "POTENTIAL", place, [place]))
         for k, (m, suffix) in enumerate(zip(circuit.memristors, suffixes, strict=True)):
             ends = [circuit.places[m.p], circuit.places[m.n]]
             outputs.append(output(named("i", suffix), "A", "current from p to n", "CURRENT", k, ends))
@@ -242,6 +275,8 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
         return k
 
     ends = [(circuit.places[e.p], circuit.places[e.n]) for e in _pair(circuit.resistors, circuit.memristors)]
+    # More than there is: what a source controls does not act back on what controls it.
+    ends += [(to, of) for to, of, _ in circuit.links]
     for p, n in ends:
         if p < circuit.free and n < circuit.free:
             group[find(p)] = find(n)
@@ -269,6 +304,8 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
         join(circuit.places[memristor.p], circuit.places[memristor.n], q)
     for source, name in zip(circuit.currents, inputs[len(circuit.sources) :], strict=True):
         join(circuit.places[source.p], circuit.places[source.n], name)
+    for to, of, _ in circuit.links:
+        join(to, of, None)
     everything = len(inputs) + len(charges)
 
     def needs(places: Iterable[int], device: int | None = None) -> tuple[str, ...] | None:

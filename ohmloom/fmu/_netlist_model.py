@@ -6,28 +6,13 @@ from collections.abc import Iterable
 from typing import Any
 
 from ohmloom.devices import LAWS, Device
-from ohmloom.devices._emit_c import emit_function
 from ohmloom.devices.laws._law import ORDERED
-from ohmloom.fmu._device_code import PARTIALS
+from ohmloom.fmu._law_code import PARTIALS
 from ohmloom.fmu._netlist_code import Circuit
 from ohmloom.fmu._tables import array, variable_table
 from ohmloom.fmu.description import Description
 
 STATES, VOLTAGES = (0.0, 0.37, 1.0), (-0.9, -1e-3, 0.2, 0.6)  # where conductances are compared with those at 0 V
-
-
-def law_text(cards: Iterable[Device], functions: Iterable[str] | None = None) -> str:
-    """``law.c``: the functions of every law among `cards`, once; all, or those that are named."""
-    lines = [
-        "/* Laws: conductance [S] of s and v, charge rate [A] of s, v and i, charge scale [C], and derivatives. */"
-    ]
-    wanted = {"conductance": "sv", "charge_rate": "svi", "charge_scale": "", **PARTIALS}
-    if functions is not None:
-        wanted = {name: wanted[name] for name in functions}
-    for name in dict.fromkeys(card.law for card in cards):
-        for function, arguments in wanted.items():
-            lines += ["", *emit_function(LAWS[name], f"static double {name}_{function}", function, tuple(arguments))]
-    return "\n".join([*lines, ""])
 
 
 def netlist_model(circuit: Circuit, description: Description, outputs: list[tuple[str, int]]) -> str:
@@ -66,6 +51,9 @@ def netlist_model(circuit: Circuit, description: Description, outputs: list[tupl
         array("double", "resistor_g", [1.0 / e.resistance for e in circuit.resistors], "conductances in S"),
         array("double", "source_sign", circuit.signs, "-1 where a voltage source has its p at ground"),
         *nodes("current", circuit.currents),
+        array("int", "link_to", [to for to, _, _ in circuit.links], "of sources that are controlled or float"),
+        array("int", "link_from", [of for _, of, _ in circuit.links]),
+        array("double", "link_share", [float(share) for _, _, share in circuit.links]),
         "enum { POTENTIAL, SOURCE, SENSE, CURRENT }; /* kinds of output, and what a place then numbers: nodes, "
         "sources, sources, devices */",
         array("int", "output_kind", [kind for kind, _ in outputs]),
@@ -76,6 +64,7 @@ def netlist_model(circuit: Circuit, description: Description, outputs: list[tupl
         "n_x": count,
         "n_y": len(outputs), "n_c": len(cards), "free": circuit.free, "band": circuit.band,
         "sources": len(circuit.sources), "currents": len(circuit.currents), "resistors": len(circuit.resistors),
+        "links": len(circuit.links), "general": int(bool(circuit.links)),
         "ohmic": int(all(map(is_ohmic, cards))), "tables": "\n".join(tables), "dispatch": "\n".join(dispatch),
         "variables": variable_table(description), "checks": "\n".join(checks), "constants": "\n".join(constants),
     }  # fmt: skip
@@ -98,7 +87,8 @@ _MODEL = """/*
 
 enum { N_P = @n_p@, N_U = @n_u@, N_X = @n_x@, N_Y = @n_y@, N_C = @n_c@, FIRST_Q0 = @q0@ };
 enum { N_FREE = @free@, BAND = @band@, N_SOURCES = @sources@, N_CURRENTS = @currents@, N_DEVICES = N_X,
-       N_RESISTORS = @resistors@, IS_OHMIC = @ohmic@ };
+       N_RESISTORS = @resistors@, N_LINKS = @links@, IS_OHMIC = @ohmic@ };
+#define IS_GENERAL @general@
 
 @tables@
 

@@ -100,8 +100,11 @@ def build(
     *,
     fmi: FmiVersion,
     platforms: Platforms,
+    notes: dict[str, str] | None = None,
 ) -> Export:
     """Compile `model` (name -> C text, ``model.c`` among them) with the runtime, and write the archive to `path`.
+
+    The documentation gets the paragraphs, and to variables that are named in `notes` these.
 
     Raises
     ------
@@ -113,13 +116,16 @@ def build(
         fmi, is_discrete=description.timestep is not None, has_arrays=bool(description.blocks)
     ).encode()
     token = _token(description.to_xml(fmi, ""), sources)
-    sources["fmu.c"] = (
-        f"/* The one file to compile, with FMI's headers on the include path: cc {' '.join(FLAGS)} -fPIC fmu.c -lm */\n"
-        f'#define FMI_VERSION {fmi}\n#define MODEL_TOKEN "{token}"\n#include "runtime.c"\n'
+    # Circuits and dies spend their time in long loops, devices in few instructions.
+    flags = (*FLAGS, "-Os" if len(description.of("state")) == 1 else "-O2")
+    text = (
+        f"/* Compile it with FMI's headers on the include path: cc {' '.join(flags)} -fPIC fmu.c -lm */\n"
+        f'#define FMI_VERSION {fmi}\n#define MODEL_TOKEN "{token}"\n'
+        f"#define LONGEST_NAME {max(len(v.name) for v in description.variables)}\n{_joined(sources, 'runtime.c')}"
     ).encode()
-    content = {f"sources/{name}": text for name, text in sources.items()}
+    content = {"sources/fmu.c": text}
     content["modelDescription.xml"] = description.to_xml(fmi, token).encode()
-    content["documentation/index.html"] = index_page(description.name, paragraphs, description).encode()
+    content["documentation/index.html"] = index_page(description.name, paragraphs, description, notes or {}).encode()
     content["documentation/licenses/license.txt"] = LICENCE.encode()
     if fmi == 3:
         content["sources/buildDescription.xml"] = build_description(description.identifier).encode()
@@ -127,7 +133,7 @@ def build(
     headers = {name: (files("fmpy") / "c-code" / name).read_bytes() for name in HEADERS[fmi]}
     built = []
     for key in TARGETS if platforms == "all" else ("",):
-        library = compile_library({**sources, **headers}, key)
+        library = compile_library({"fmu.c": text, **headers}, key, flags=flags)
         if library is None:
             logger.warning("%s: no C compiler was found: the FMU holds sources alone", path)
             continue
@@ -172,6 +178,15 @@ def runtime_text(fmi: FmiVersion, *, is_discrete: bool, has_arrays: bool = False
         if not is_ours and False not in stack:
             kept.append(line)
     return "".join(kept)
+
+
+def _joined(sources: dict[str, bytes], name: str) -> str:
+    """A file with those that it includes put in: one file is smaller in an archive than its parts are."""
+    lines = [f"/* {f' {name} ':=^114} */\n"]
+    for line in sources[name].decode().splitlines(keepends=True):
+        included = line.removeprefix('#include "').removesuffix('"\n')
+        lines.append(_joined(sources, included) if included in sources else line)
+    return "".join([*lines, f"/* {f' end of {name} ':=^114} */\n"])
 
 
 def _token(xml: str, sources: dict[str, bytes]) -> str:

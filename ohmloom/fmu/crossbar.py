@@ -10,12 +10,13 @@ import numpy as np
 
 from ohmloom.circuits import MemristorCrossbar, Netlist, PulseTrain, memristor_netlist
 from ohmloom.circuits._topology import check_topology
-from ohmloom.circuits.elements import Resistor, VoltageSource
+from ohmloom.circuits.elements import VCCS, VCVS, Resistor, VoltageSource
 from ohmloom.devices.emit import identifier
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.fmu._compile import Platforms
+from ohmloom.fmu._law_code import law_text
 from ohmloom.fmu._netlist_code import analyse, netlist_description, with_arrays
-from ohmloom.fmu._netlist_model import law_text, netlist_model
+from ohmloom.fmu._netlist_model import netlist_model
 from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import FmiVersion
 from ohmloom.fmu.discrete import LICENCE, runtime_file
@@ -34,8 +35,8 @@ def export_crossbar(
     """Write memristors with the wires between them as one FMU, for model exchange and co-simulation.
 
     The potentials of all nodes are solved for inside, so that no algebraic loop is left to a master. In: the voltage of
-    each voltage source, which has one end at ground, and the current of each current source; waveforms are left to the
-    importer, and give the start values. Out: the charge of each memristor, its state, which stops at 0 and at its q_d;
+    each voltage source and the current of each current source; waveforms are left to the importer, and give the start
+    values. Out: the charge of each memristor, its state, which stops at 0 and at its q_d;
     and of a netlist the node potentials and the currents of voltage sources and memristors. Parameters: those of the
     cards, tunable, and the charges at the start.
 
@@ -45,7 +46,8 @@ def export_crossbar(
     Parameters
     ----------
     circuit
-        A crossbar, or a netlist of resistors, memristors and sources; one that `memristor_netlist` made is a crossbar.
+        A crossbar, or a netlist of resistors, memristors and sources, controlled ones among them; one that
+        `memristor_netlist` made is a crossbar.
     out, fmi, platforms
         As `export_device` has them.
     arrays
@@ -68,6 +70,8 @@ def export_crossbar(
     check_topology(netlist.flat, is_dc=True)
     sources = [e for e in netlist.flat if isinstance(e, VoltageSource)]
     is_crossbar = netlist.name == "crossbar" and all(re.fullmatch(r"[VH]_\d+", source.name) for source in sources)
+    if any(isinstance(e, VCVS | VCCS) for e in netlist.flat):
+        netlist.dc()  # which names the sources that leave no or more than one solution
     found = analyse(where, netlist.flat, netlist.nodes, is_crossbar=is_crossbar)
     description, outputs = netlist_description(netlist.name, identifier(netlist.name), found)
     if arrays:
@@ -76,7 +80,7 @@ def export_crossbar(
                                  f"{netlist.name}. Leave arrays out.")  # fmt: skip
         description = with_arrays(description)
     model = {
-        "law.c": law_text(found.cards),
+        "law.c": law_text(card.law for card in found.cards),
         "model.c": netlist_model(found, description, outputs),
         "netlist.c": runtime_file("netlist.c"),
     }
@@ -84,7 +88,7 @@ def export_crossbar(
         f"{len(found.memristors)} memristors, {len(found.resistors)} resistors, {len(found.sources)} voltage sources, "
         f"{found.free} nodes whose potentials are solved for.",
         "i = G(s, v) v and dq/dt = charge rate(s, v, i) for each memristor, s = q/q_d in [0, 1]; Kirchhoff's current "
-        "law at each node. See sources/netlist.c, and sources/law.c for the laws.",
+        "law at each node. See sources/fmu.c, parts netlist.c and law.c.",
         *(f"Card {card.name}: {card.law}, {card.source} (sha256 {card.sha256})." for card in found.cards),
         LICENCE,
     ]

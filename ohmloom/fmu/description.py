@@ -370,11 +370,11 @@ def build_description(identifier: str) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{root}\n'
 
 
-def index_page(title: str, paragraphs: Iterable[str], description: Description) -> str:
-    """`documentation/index.html`: what the model computes, and its variables."""
+def index_page(title: str, paragraphs: Iterable[str], description: Description, notes: dict[str, str]) -> str:
+    """`documentation/index.html`: what the model computes, and its variables, with a note on those that have one."""
     rows = [
         f"<tr><td>{escape(v.name)}</td><td>{v.kind}</td><td>{escape(v.unit)}</td>"
-        f"<td>{repr(float(v.start)) if v.is_given else ''}</td><td>{escape(v.doc)}</td></tr>"
+        f"<td>{repr(float(v.start)) if v.is_given else ''}</td><td>{escape(v.doc + notes.get(v.name, ''))}</td></tr>"
         for v in description.variables
     ]
     return "\n".join([

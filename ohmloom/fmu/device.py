@@ -75,10 +75,10 @@ def export_device(
     law = LAWS[device.law]
     paragraphs = [
         f"{law.name}: {law.doc}.",
-        "i = G(s, v) v, dq/dt = charge rate(s, v, i), s = q/q_d in [0, 1]; the functions stand in sources/law.c. The "
+        "i = G(s, v) v, dq/dt = charge rate(s, v, i), s = q/q_d in [0, 1]; the functions stand in sources/fmu.c. The "
         "charge q rests at 0 and at q_d while its rate points outward.",
         f"Card: {device.source} (sha256 {device.sha256}).",
-        *(f"{name} = {device.parameters[name]!r}: {device.sources[name]}" for name in law.parameter_names),
         "Licence: Apache-2.0, see licenses/license.txt.",
     ]
-    return build(path, description, device_code(device, description), paragraphs, fmi=fmi, platforms=platforms)
+    return build(path, description, device_code(device, description), paragraphs, fmi=fmi, platforms=platforms,
+                 notes={name: f"; {text}" for name, text in device.sources.items()})  # fmt: skip

@@ -141,12 +141,12 @@ def runtime_file(name: str) -> str:
 def about(network: Network) -> str:
     return (
         f"Network {network.name} ({network.system}, sha256 {network.sha256}): 21 steps of the spiking network in a "
-        "timestep, eqs. 3 to 6 and 10 to 12 of Howard et al. (2012); see sources/controller.c and sources/network.c."
+        "timestep, eqs. 3 to 6 and 10 to 12 of Howard et al. (2012); see sources/fmu.c."
     )
 
 
 def about_arena(arena: Arena) -> str:
     return (
-        f"Arena of the {arena.task} task, after Howard et al. (2012), Section VIII; see sources/arena.c and "
-        "sources/world.c. Sensors are those at the end of the last timestep, or at the start."
+        f"Arena of the {arena.task} task, after Howard et al. (2012), Section VIII; see sources/fmu.c, parts arena.c "
+        "and world.c. Sensors are those at the end of the last timestep, or at the start."
     )

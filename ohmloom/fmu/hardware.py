@@ -12,7 +12,7 @@ from ohmloom.errors import MappingError, expect_type
 from ohmloom.fmu import _discrete_code as code
 from ohmloom.fmu._compile import Platforms
 from ohmloom.fmu._flux_code import INVERSES, flux_code
-from ohmloom.fmu._netlist_model import law_text
+from ohmloom.fmu._law_code import law_text
 from ohmloom.fmu._tables import array, number
 from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import Description, FmiVersion, Variable
@@ -73,7 +73,7 @@ def export_hardware_controller(
     which = "the nominal die" if die.seed is None else f"die {die.index} of seed {die.seed}"
     paragraphs = [
         f"Network {network.name} (sha256 {network.sha256}) on {hardware.name}, {which}: 21 steps of the network in a "
-        "timestep; every synapse is a device that follows its law. See sources/hardware.c and sources/die.c.",
+        "timestep; every synapse is a device that follows its law. See sources/fmu.c, parts hardware.c and die.c.",
         LICENCE,
     ]
     return build(path, description, model, paragraphs, fmi=fmi, platforms=platforms)
@@ -96,7 +96,7 @@ def die_parts(where: str, die: Die) -> dict[str, str]:
     devices = die.plan.hardware.devices
     return {
         "die.c": _tables(where, die),
-        "law.c": law_text((devices[tile.kind] for tile in die.plan.tiles), ["conductance"]),
+        "law.c": law_text((devices[tile.kind].law for tile in die.plan.tiles), ["conductance"]),
         **{name: runtime_file(name) for name in ("hardware.c", "events.c", "lines.c")},
     }
 
@@ -150,6 +150,7 @@ def _tables(where: str, die: Die) -> str:
     cards = [die.plan.hardware.devices[tile.kind] for tile in die.plan.tiles]
     laws = {card.law for card, moves in zip(cards, is_plastic, strict=True) if moves}
     needs_newton = drive == "VOLTAGE" and not laws <= set(INVERSES)
+    alone = () if drives_lines else ("sender", "series")  # of cells that are driven one by one
     if drive != "CHARGE":
         dispatch += ["", *flux_code(cards, is_plastic, has_flux=needs_newton or not drives_lines,
                                     has_inverse=drive == "VOLTAGE")]  # fmt: skip
@@ -177,7 +178,7 @@ def _tables(where: str, die: Die) -> str:
             ("EVENT_LEVEL", "event_level"), ("PULSE_VOLTAGE", "pulse_voltage"), ("ASYMMETRY", "asymmetry"),
             ("HALF_SELECT", "half_select"))),
         array("int", "first_cell", fabric.starts.tolist(), "by receiver; the next one's is the end"),
-        *(array("int", f"cell_{name}", cells[name].tolist()) for name in ("sender", "tile")),
+        *(array("int", f"cell_{name}", cells[name].tolist()) for name in (*alone[:1], "tile")),
         array("int", "first_read", fabric.read_starts.tolist(), "what columns read, likewise"),
         *(array("int", f"read_{name}", reads[name].tolist()) for name in ("sender", "tap")),
         array("double", "read_polarity", reads["polarity"].tolist()),
@@ -189,10 +190,10 @@ def _tables(where: str, die: Die) -> str:
             *((("belief", "first_belief", "what the driver takes for the state"),) if drive == "EXACT_WIDTH" else ()),
             ("fixed", "fixed_g", "S, where no event moves it"),
             ("factor", "factor", "charge of an event, 1 nominally"), ("threshold", "threshold", "V"),
-            ("series", "series", "Ohm of the wires to it"))),
+            *((name, name, "Ohm of the wires to it") for name in alone[1:]))),
         *(array("double", f"tile_{name}", tiles[field].tolist(), doc) for name, field, doc in (
             ("gain", "gain", ""), ("reference", "reference", "S that is subtracted"), ("on", "g_on", "S"),
-            *moving[drive])),
+            *(moving[drive] if needs_newton or not drives_lines else moving[drive][1:]))),
         array("int", "tile_is_plastic", [int(x) for x in is_plastic]),
         *(array("double", f"tile_p_{t}", [float(x) for x in die.plan.hardware.devices[tile.kind].parameters.values()])
           for t, tile in enumerate(die.plan.tiles)),
@@ -201,7 +202,7 @@ def _tables(where: str, die: Die) -> str:
         array("double", "phase_width", fabric.phase.tolist(), "of the waveform's phases, in pulses"),
         square("row_level", "double", fabric.levels[:, 0, :size]),
         square("column_level", "double", fabric.levels[:, 1, :size]),
-        square("may_fire", "int", (np.asarray(fabric.table) & MAY_FIRE) != 0),
+        *([square("may_fire", "int", (np.asarray(fabric.table) & MAY_FIRE) != 0)] if alone else []),
         *dispatch,
         "",
     ]  # fmt: skip

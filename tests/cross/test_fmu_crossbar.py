@@ -10,6 +10,8 @@ from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 
 from ohmloom.circuits import (
+    VCCS,
+    VCVS,
     Capacitor,
     CurrentSource,
     Memristor,
@@ -265,15 +267,58 @@ def test_large_arrays_are_loops(files, tmp_path, monkeypatch):
         array = MemristorCrossbar(devices=HP, s=states((n, n)), r_row=1.0, r_column=1.0)
         file = export_crossbar(array, tmp_path / f"{n}.fmu").path
         fmpy.extract(str(file), str(tmp_path / str(n)))
-        text = (tmp_path / str(n) / "sources" / "model.c").read_text()
+        text = (tmp_path / str(n) / "sources" / "fmu.c").read_text()
         sizes.append(sum(line.rstrip().endswith((";", "{")) for line in text.splitlines()))
     assert sizes[0] == sizes[1]
 
 
+@pytest.mark.parametrize(("card", "fmi"), [("hp_tio2_10k", 2), ("yakopcic_miao", 3)])
+def test_controlled_and_floating_sources_are_those_of_circuits(tmp_path, master, card, fmi):
+    """A follower behind a device drives another one, whose current is fed back; the second card is not ohmic."""
+    device = Device.load(card)
+    netlist = Netlist(name="amplifier", elements=(
+        VoltageSource(name="V1", p="in", n="0", voltage=0.6),
+        Memristor(name="M1", p="in", n="a", device=device, s0=0.4),
+        Resistor(name="R1", p="a", n="0", resistance=20.0),
+        VCVS(name="E1", p="b", n="c", control_p="a", control_n="0", gain=2.5),
+        Resistor(name="R2", p="c", n="0", resistance=500.0),
+        VoltageSource(name="V2", p="b", n="d", voltage=0.1),
+        Memristor(name="M2", p="d", n="e", device=device, s0=0.6),
+        Resistor(name="R3", p="e", n="0", resistance=2e3),
+        VCCS(name="G1", p="e", n="a", control_p="d", control_n="0", transconductance=1e-4),
+    ))  # fmt: skip
+    file = export_crossbar(netlist, tmp_path / "x.fmu", fmi=fmi).path
+    assert validate_fmu(str(file)) == []
+    t = np.linspace(0.0, 0.1, 6)
+    wanted, point = netlist.simulate(t=t), netlist.dc()
+    found = fmpy.simulate_fmu(str(file), fmi_type="CoSimulation", stop_time=0.1, step_size=0.02, output_interval=0.02,
+                              relative_tolerance=1e-11)  # fmt: skip
+    s = np.array([found[f"q.{name}"] / device.charge_scale for name in ("M1", "M2")])
+    # What circuits integrates to.
+    np.testing.assert_allclose(s, [wanted.s[name] for name in ("M1", "M2")], rtol=0, atol=3e-9)
+    assert np.ptp(s, axis=1).max() > 1e-3
+    for node in "abcde":
+        assert found[f"v.{node}"][0] == pytest.approx(point.v[node], rel=1e-10)
+    for name in ("V1", "V2", "E1", "M1", "M2"):
+        assert found[f"i.{name}"][0] == pytest.approx(point.i[name], rel=1e-10)
+    if fmi == 2:
+        return
+    unknowns, knowns = ("der(q.M1)", "der(q.M2)", "i.V1", "i.V2", "i.E1", "v.e"), ("voltage.V1", "voltage.V2")
+    one = master(file)
+    rows, columns = ([one.variables[n].valueReference for n in names] for names in (unknowns, (*knowns, "q.M1")))
+    jacobian = np.array([one.fmu.getDirectionalDerivative(rows, [column], [1.0]) for column in columns]).T
+    adjoint = [one.fmu.getAdjointDerivative([row], columns, [1.0], len(columns)) for row in rows]
+    np.testing.assert_allclose(adjoint, jacobian, rtol=1e-9, atol=1e-12 * np.abs(jacobian).max())
+    for column, (name, v) in enumerate(zip(knowns, (0.6, 0.1), strict=True)):
+        ends = [np.array(master(file, **{name: v + sign * 1e-5}).get(*unknowns)) for sign in (1.0, -1.0)]
+        # Of rounding, in volts as in amperes.
+        np.testing.assert_allclose(jacobian[:, column], (ends[0] - ends[1]) / 2e-5, rtol=1e-5, atol=1e-9)
+
+
 @pytest.mark.parametrize(("elements", "text"), [
     ([Capacitor(name="C1", p="a", n="0", capacitance=1.0)], "C1: expected resistors, memristors and sources, got"),
-    ([VoltageSource(name="V2", p="a", n="b", voltage=1.0), Resistor(name="R1", p="b", n="0", resistance=1.0)],
-     "V2: expected a voltage source with one end at ground, got a and b"),
+    ([Resistor(name="R1", p="b", n="c", resistance=1.0)], "b"),
+    ([VCVS(name="E1", p="a", n="0", control_p="a", control_n="0", gain=1.0)], "E1"),
     ([Resistor(name="R1", p="a", n="0", resistance=1.0)], "expected at least one memristor, got none"),
 ])  # fmt: skip
 def test_other_netlists_are_refused(tmp_path, elements, text):

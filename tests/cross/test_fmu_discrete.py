@@ -226,13 +226,21 @@ def test_a_die_that_voltages_drive_is_the_emulated_one(tmp_path, master, system,
     assert len(np.unique(wanted, axis=0)) > 2
 
 
-def test_potentials_that_do_not_converge_fail_the_step(tmp_path, monkeypatch, need_tool):
+@pytest.mark.parametrize(("system", "name", "drive", "limit", "text"), [
+    ("HP", "hp_strukov", "", "MOST_ITERATIONS", "the potentials of the wires to converge"),
+    ("PEO", "ideal", driven("voltage", "array"), "MOST_FLUX_ROUNDS", "the state that belongs to a pulse's flux"),
+    ("HP", "hp_1t1r", driven("voltage", "cell"), "MOST_FLUX_ROUNDS", "the state that belongs to a pulse's flux"),
+], ids=["wires", "flux", "flux_behind_wires"])  # fmt: skip
+def test_what_does_not_converge_fails_the_step(tmp_path, monkeypatch, need_tool, system, name, drive, limit, text):
     compiler = need_tool("a solver that fails is not run here", "gcc", "clang")
-    monkeypatch.setenv("CC", f"{compiler} -DMOST_ITERATIONS=0")
-    die = place(champion("HP"), Hardware.load("hp_strukov")).sample(seed=3)
+    monkeypatch.setenv("CC", f"{compiler} -D{limit}=0")
+    die = place(champion(system), spec(tmp_path, name, drive) if drive else Hardware.load(name)).sample(seed=3)
     path = export_hardware_controller(die, tmp_path / "die.fmu").path
-    with Host(path) as host, pytest.raises(OperationError, match="expected the potentials of the wires to converge"):
-        host.step(STEP)
+    with Host(path) as host:
+        host.set(dict.fromkeys(SENSORS, 0.7))
+        # One communication step of 200 timesteps: the first pulse is not the first step's.
+        with pytest.raises(OperationError, match=f"expected {text}"):
+            host.step(200 * STEP)
 
 
 @pytest.mark.parametrize("law", ["hp_linear", "linear", "peo_pani_mirror"])

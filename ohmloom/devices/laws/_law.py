@@ -36,6 +36,29 @@ class Parameter:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Rounds:
+    """A conductance that rounds of Newton's rule find, as its parts: emitted code has a loop, and short derivatives.
+
+    Attributes
+    ----------
+    count
+        How many rounds.
+    start, advance
+        ``(s, v, p) -> u`` and ``(u, s, v, p) -> u``: what is searched for, and one round.
+    finish
+        ``(u, s, v, p) -> G``.
+    balance
+        ``(g, s, v, p)`` that is 0 where g = G, whatever the rounds do: G's slopes follow from its own.
+    """
+
+    count: int
+    start: Callable[[Value, Value, Parameters], Any]
+    advance: Callable[[Value, Value, Value, Parameters], Any]
+    finish: Callable[[Value, Value, Value, Parameters], Any]
+    balance: Callable[[Value, Value, Value, Parameters], Any]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Law:
     """A device law in the canonical state `s = q/q_d` in [0, 1].
 
@@ -54,6 +77,8 @@ class Law:
         ``(p) -> q_d`` in C: the state charge between the two walls.
     is_fittable
         False for a law that is too long to fit: its exact derivatives would take minutes for each residual.
+    rounds
+        The parts of a conductance that is found in rounds, else None.
     flux, state_at_flux
         ``(s, p) -> phi`` in Wb, the integral of v that takes the state from 0 to `s`, and its inverse ``(phi, p)
         -> s``. Only an ideal memristor has them, where ``dq/dt = i`` and G depends on `s` alone; else None.
@@ -69,6 +94,7 @@ class Law:
     charge_scale: Callable[[Parameters], Any]
     doc: str
     is_fittable: bool = True
+    rounds: Rounds | None = None
     flux: Callable[[Value, Parameters], Any] | None = None
     state_at_flux: Callable[[Value, Parameters], Any] | None = None
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from ohmloom.devices.laws._functions import bounded_exp, bounded_sinh, larger, log, smaller, sqrt
-from ohmloom.devices.laws._law import Law, Parameter, Parameters, Value
+from ohmloom.devices.laws._law import Law, Parameter, Parameters, Rounds, Value
 from ohmloom.devices.laws._shared import NOMINAL_CHARGE
 
 ELEMENTARY_CHARGE, PLANCK, VACUUM_PERMITTIVITY = 1.602176634e-19, 6.62607015e-34, 8.8541878128e-12  # SI 2019
@@ -31,22 +31,43 @@ ROUNDS, DIFFERENCE = 9, 1e-6
 
 def conductance(s: Value, v: Value, p: Parameters) -> Value:
     """G of gap and series resistor, the gap's voltage found by Newton's rule."""
-    w = _width(s, p)
-    size = abs(v)
-    # Past the largest gap voltage the gap is a resistor. Below, its current is convex, so Newton's rule falls to the
-    # root from anything above it: the share that its low-field conductance would leave to the gap.
-    largest = _largest_voltage(w, p)
-    ohmic = size / (1.0 + p[8] * _gap_conductance(w, largest, p))
-    u = smaller(size / (1.0 + p[8] * _gap_conductance(w, 0.0, p)), largest)
+    u = _start(s, v, p)
     for _ in range(ROUNDS):
-        step = DIFFERENCE * (u + SMALLEST_GAP_VOLTAGE)
-        excess = u + p[8] * u * _gap_conductance(w, u, p) - size
-        before = u - step + p[8] * (u - step) * _gap_conductance(w, u - step, p) - size
-        u = larger(u - excess * step / (excess - before), 0.0)
+        u = _advance(u, s, v, p)
+    return _finish(u, s, v, p)
+
+
+def _start(s: Value, v: Value, p: Parameters) -> Value:
+    """The share that the gap's low-field conductance would leave to it.
+
+    Its current is convex below the largest gap voltage, so Newton's rule falls to the root from anything above it.
+    """
+    w = _width(s, p)
+    return smaller(abs(v) / (1.0 + p[8] * _gap_conductance(w, 0.0, p)), _largest_voltage(w, p))
+
+
+def _advance(u: Value, s: Value, v: Value, p: Parameters) -> Value:
+    w, size = _width(s, p), abs(v)
+    step = DIFFERENCE * (u + SMALLEST_GAP_VOLTAGE)
+    excess = u + p[8] * u * _gap_conductance(w, u, p) - size
+    before = u - step + p[8] * (u - step) * _gap_conductance(w, u - step, p) - size
+    return larger(u - excess * step / (excess - before), 0.0)
+
+
+def _finish(u: Value, s: Value, v: Value, p: Parameters) -> Value:
+    """G with the gap at `u`, or, past the largest gap voltage, where the gap is a resistor."""
+    w = _width(s, p)
+    largest = _largest_voltage(w, p)
+    ohmic = abs(v) / (1.0 + p[8] * _gap_conductance(w, largest, p))
     is_ohmic = ohmic >= largest
-    u = is_ohmic * ohmic + (1.0 - is_ohmic) * u
-    g = _gap_conductance(w, u, p)
+    g = _gap_conductance(w, is_ohmic * ohmic + (1.0 - is_ohmic) * u, p)
     return g / (1.0 + p[8] * g)
+
+
+def _balance(g: Value, s: Value, v: Value, p: Parameters) -> Value:
+    """The gap's conductance at the voltage that the series resistor leaves to it, in series with that, less G."""
+    gap = _gap_conductance(_width(s, p), abs(v) * (1.0 - p[8] * g), p)
+    return gap * (1.0 - p[8] * g) - g
 
 
 def charge_rate(s: Value, v: Value, i: Value, p: Parameters) -> Value:
@@ -119,5 +140,6 @@ LAW = Law(
     charge_rate=charge_rate,
     charge_scale=charge_scale,
     is_fittable=False,
+    rounds=Rounds(count=ROUNDS, start=_start, advance=_advance, finish=_finish, balance=_balance),
     doc="Pickett: HP's TiO2 as a tunnel gap moved by the current (reference generator)",
 )

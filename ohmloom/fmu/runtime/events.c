@@ -8,8 +8,12 @@
 static double clamped(double s) { return s < 0.0 ? 0.0 : s > 1.0 ? 1.0 : s; }
 #endif
 
+#ifndef MOST_FLUX_ROUNDS
+#define MOST_FLUX_ROUNDS 200
+#endif
+
 #if NEEDS_NEWTON
-/* Newton's rule within a bracket, from s = 0, so that the answer depends on the flux alone. */
+/* Newton's rule within a bracket, from s = 0, so that the answer depends on the flux alone; not a number if it fails. */
 static double invert_flux(int t, double phi)
 {
     double low = 0.0, high = 1.0, s = 0.0;
@@ -18,7 +22,7 @@ static double invert_flux(int t, double phi)
         return 0.0;
     if (phi >= flux(t, 1.0))
         return 1.0;
-    for (round = 0; round < 200; round++) {
+    for (round = 0; round < MOST_FLUX_ROUNDS; round++) {
         const double excess = flux(t, s) - phi, after = s - excess / (tile_charge[t] / conductance(t, s));
         if (excess > 0.0)
             high = s;
@@ -28,12 +32,13 @@ static double invert_flux(int t, double phi)
             return after;
         s = low < after && after < high ? after : 0.5 * (low + high);
     }
-    return s;
+    return NAN;
 }
 #endif
 
 #if DRIVE != CHARGE && !DRIVES_LINES
-/* The state after a flux over a device and a resistance in series: phi(s') - phi(s) + R q_d (s' - s) is that flux. */
+/* The state after a flux over a device and a resistance in series: phi(s') - phi(s) + R q_d (s' - s) is that flux. Not a
+ * number if it is not found. */
 static double state_behind(int t, double s, double series, double phi)
 {
     const double q_d = tile_charge[t], start = flux(t, s);
@@ -42,7 +47,7 @@ static double state_behind(int t, double s, double series, double phi)
     int round;
     if (fabs(flux(t, end) - start + series * q_d * (end - s)) <= fabs(phi))
         return end;
-    for (round = 0; round < 60; round++) {
+    for (round = 0; round < MOST_FLUX_ROUNDS; round++) {
         const double miss = flux(t, x) - start + series * q_d * (x - s) - phi;
         double after = x - miss / (q_d / conductance(t, x) + series * q_d);
         if (miss > 0.0)
@@ -55,7 +60,7 @@ static double state_behind(int t, double s, double series, double phi)
             return after;
         x = after;
     }
-    return x;
+    return NAN;
 }
 #endif
 
@@ -93,6 +98,8 @@ static void count_events(Controller *m, int k, double events)
 {
     m->count[k] += events;
     m->s[k] = event_state(cell_tile[k], &m->origin[k], &m->count[k]);
+    if (isnan(m->s[k]))
+        m->failure = FLUX;
 }
 
 static double event_size(int k, double sign) { return cell_factor[k] * (1.0 + sign * ASYMMETRY); }
@@ -102,6 +109,8 @@ static double event_size(int k, double sign) { return cell_factor[k] * (1.0 + si
 static void place_at(Controller *m, int k, double s)
 {
     m->s[k] = clamped(s);
+    if (isnan(s))
+        m->failure = FLUX;
     m->count[k] = 0.0;
     m->origin[k] = DRIVE == VOLTAGE ? flux(cell_tile[k], m->s[k]) : m->s[k];
 }

@@ -20,7 +20,6 @@ typedef struct {
     double guess[TILES][COLUMNS][ROWS * COLUMNS]; /* V, of the rows when a column is read */
     double v_row[ROWS], v_column[COLUMNS], w[ROWS * COLUMNS], work[11][ROWS * COLUMNS];
     int is_stale[TILES];             /* whether the weights are of other conductances */
-    int has_failed;                  /* whether potentials were not found */
 #if DRIVES_LINES
     double middle[ROWS * COLUMNS];   /* S, in the middle of a pulse */
     double program_guess[TILES][PHASES][ROWS * COLUMNS];
@@ -31,8 +30,16 @@ typedef struct {
     int ls[NEURONS];                 /* set by a spike, counts down */
     int spiked[NEURONS];             /* spikes in this timestep */
     int action;
+    int failure;                     /* what was not found, a place in `failures` */
     signed char ring[SLOTS][NEURONS]; /* spikes by step: shift registers of the rows */
 } Controller;
+
+enum { NONE, WIRES, FLUX };
+static const char *const failures[] = {
+    NULL,
+    "expected the potentials of the wires to converge, got none that do",
+    "expected the state that belongs to a pulse's flux, got none that converges",
+};
 
 static double weight_of(int t, double g, double subtracted)
 {
@@ -159,9 +166,5 @@ static const char *controller_step(const double *p, const double *sensors, Contr
     left = m->spiked[NEURONS - 2] >= p[HIGH_COUNT];
     right = m->spiked[NEURONS - 1] >= p[HIGH_COUNT];
     m->action = left == right ? 0 : left ? 1 : 2;
-#if HAS_WIRES
-    if (m->has_failed)
-        return "expected the potentials of the wires to converge, got none that do";
-#endif
-    return NULL;
+    return failures[m->failure];
 }

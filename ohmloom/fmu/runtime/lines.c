@@ -164,7 +164,7 @@ static void solve_lines(Controller *m, const double *g, double *u)
             pq += p[k] * other[k];
         }
         if (count == MOST_ITERATIONS || !(pq > 0.0)) {
-            m->has_failed = 1;
+            m->failure = m->failure ? m->failure : WIRES; /* the first is the cause */
             return;
         }
         length = rz / pq;

@@ -3,9 +3,16 @@
  * free ones first, in an order in which the matrix is a band; then ground; then one for each voltage source, which holds
  * it against ground. A device is a memristor with a charge x, s = x/c in [0, 1], and the current G(s, v) v from p to n.
  *
- * Kirchhoff's current law at the free nodes is solved for their potentials; matrices are symmetric and positive.
+ * Kirchhoff's current law at the free nodes is solved for their potentials; matrices are symmetric and positive. Not so
+ * where sources are controlled or stand between free nodes (IS_GENERAL): their currents are unknowns that are numbered as
+ * free nodes are, and `links` is what they add: a share of one potential to the current into another place.
  */
-enum { GROUND = N_FREE, N_ALL = N_FREE + 1 + N_SOURCES, WIDTH = BAND + 1 };
+enum { GROUND = N_FREE, N_ALL = N_FREE + 1 + N_SOURCES };
+#if IS_GENERAL
+enum { WIDTH = N_FREE + 1 }; /* of a row, and where the row that took its place was */
+#else
+enum { WIDTH = BAND + 1 };
+#endif
 #define MOST_ROUNDS 100
 #define MOST_HALVINGS 40
 #define SMALL_STEP 1e-9 /* a Newton step of this share of the potentials leaves an error of its square */
@@ -13,7 +20,7 @@ enum { GROUND = N_FREE, N_ALL = N_FREE + 1 + N_SOURCES, WIDTH = BAND + 1 };
 /* Room for one solution; freed by the one who asked for it. */
 typedef struct {
     double *v, *trial, *b;  /* by node; b: currents into free nodes, then what a solve made of them */
-    double *matrix;         /* lower band, factored */
+    double *matrix;         /* lower band, or all rows; factored */
     double *current, *slope; /* by device: i and di/dv */
 } Work;
 
@@ -35,6 +42,95 @@ static double state_of(const double *c, const double *x, int k) { return x[k] / 
 
 static double across(const double *v, int k) { return v[device_p[k]] - v[device_n[k]]; }
 
+#if IS_GENERAL
+#define LEAST_PIVOT 1e-15 /* of the largest entry of its column */
+
+static void add_entry(double *matrix, int row, int column, double value)
+{
+    if (row < N_FREE && column < N_FREE)
+        matrix[row * WIDTH + column] += value;
+}
+
+/* Gauss' factors of all rows, by the largest pivot of each column. */
+static int factor(Work *w)
+{
+    double *a = w->matrix;
+    int k, i, j;
+    memset(a, 0, sizeof(double) * (size_t)N_FREE * WIDTH);
+    for (k = 0; k < N_RESISTORS + N_DEVICES; k++) {
+        const int d = k - N_RESISTORS, p = d < 0 ? resistor_p[k] : device_p[d], n = d < 0 ? resistor_n[k] : device_n[d];
+        const double g = d < 0 ? resistor_g[k] : w->slope[d];
+        add_entry(a, p, p, g);
+        add_entry(a, n, n, g);
+        add_entry(a, p, n, -g);
+        add_entry(a, n, p, -g);
+    }
+    for (k = 0; k < N_LINKS; k++)
+        add_entry(a, link_to[k], link_from[k], -link_share[k]);
+    for (k = 0; k < N_FREE; k++) {
+        double most = 0.0;
+        int best = k;
+        for (i = 0; i < N_FREE; i++)
+            most = fmax(most, fabs(a[i * WIDTH + k]));
+        for (i = k + 1; i < N_FREE; i++)
+            if (fabs(a[i * WIDTH + k]) > fabs(a[best * WIDTH + k]))
+                best = i;
+        if (!(fabs(a[best * WIDTH + k]) > LEAST_PIVOT * most))
+            return 0;
+        for (j = 0; j < N_FREE; j++) {
+            const double kept = a[k * WIDTH + j];
+            a[k * WIDTH + j] = a[best * WIDTH + j];
+            a[best * WIDTH + j] = kept;
+        }
+        a[k * WIDTH + N_FREE] = best;
+        for (i = k + 1; i < N_FREE; i++) {
+            const double share = a[i * WIDTH + k] /= a[k * WIDTH + k];
+            for (j = k + 1; share != 0.0 && j < N_FREE; j++)
+                a[i * WIDTH + j] -= share * a[k * WIDTH + j];
+        }
+    }
+    return 1;
+}
+
+static void change_places(double *b, int i, int j)
+{
+    const double kept = b[i];
+    b[i] = b[j];
+    b[j] = kept;
+}
+
+static void solve_factored(const Work *w, double *b)
+{
+    const double *a = w->matrix;
+    int k, j;
+    for (k = 0; k < N_FREE; k++)
+        change_places(b, k, (int)a[k * WIDTH + N_FREE]);
+    for (k = 0; k < N_FREE; k++)
+        for (j = 0; j < k; j++)
+            b[k] -= a[k * WIDTH + j] * b[j];
+    for (k = N_FREE - 1; k >= 0; k--) {
+        for (j = k + 1; j < N_FREE; j++)
+            b[k] -= a[k * WIDTH + j] * b[j];
+        b[k] /= a[k * WIDTH + k];
+    }
+}
+
+static void solve_transposed(const Work *w, double *b)
+{
+    const double *a = w->matrix;
+    int k, j;
+    for (k = 0; k < N_FREE; k++) {
+        for (j = 0; j < k; j++)
+            b[k] -= a[j * WIDTH + k] * b[j];
+        b[k] /= a[k * WIDTH + k];
+    }
+    for (k = N_FREE - 1; k >= 0; k--)
+        for (j = k + 1; j < N_FREE; j++)
+            b[k] -= a[j * WIDTH + k] * b[j];
+    for (k = N_FREE - 1; k >= 0; k--)
+        change_places(b, k, (int)a[k * WIDTH + N_FREE]);
+}
+#else
 static void add_conductance(double *matrix, int p, int n, double g)
 {
     const int high = p > n ? p : n, low = p > n ? n : p;
@@ -93,6 +189,9 @@ static void solve_factored(const Work *w, double *b)
     }
 }
 
+#define solve_transposed solve_factored
+#endif
+
 /* Adds a current from p through an element to n: what flows into each node. */
 static void flow(double *into, int p, int n, double current)
 {
@@ -111,6 +210,8 @@ static void sum_currents(const double *u, const Work *w, const double *v, double
         flow(into, current_p[k], current_n[k], u[N_SOURCES + k]);
     for (k = 0; k < N_DEVICES; k++)
         flow(into, device_p[k], device_n[k], w->current[k]);
+    for (k = 0; k < N_LINKS; k++)
+        into[link_to[k]] += link_share[k] * v[link_from[k]];
 }
 
 /* Currents of the devices at the potentials v, and into the nodes; the largest that a free node is left with. */
@@ -320,7 +421,9 @@ static void netlist_adjoint(const double *p, const double *c, const double *u, c
         potential[resistor_p[k]] += dv;
         potential[resistor_n[k]] -= dv;
     }
-    solve_factored(&w, potential); /* now the free nodes' weights of what flows into them */
+    for (k = 0; k < N_LINKS; k++)
+        potential[link_from[k]] += link_share[k] * into[link_to[k]];
+    solve_transposed(&w, potential); /* now the free nodes' weights of what flows into them */
     memcpy(into, potential, sizeof(double) * (size_t)N_FREE);
     for (k = 0; k < N_CURRENTS; k++)
         du[N_SOURCES + k] += into[current_n[k]] - into[current_p[k]];
@@ -341,6 +444,9 @@ static void netlist_adjoint(const double *p, const double *c, const double *u, c
         if (resistor_n[k] > GROUND)
             potential[resistor_n[k]] -= dv;
     }
+    for (k = 0; k < N_LINKS; k++)
+        if (link_from[k] > GROUND)
+            potential[link_from[k]] += link_share[k] * into[link_to[k]];
     for (k = 0; k < N_SOURCES; k++)
         du[k] += source_sign[k] * potential[GROUND + 1 + k];
     free(w.v);

@@ -42,13 +42,22 @@ typedef enum { REAL, INTEGER, BOOLEAN } Type;
 #endif
 
 typedef struct {
-    const char *name;
+    char name[LONGEST_NAME + 1]; /* no pointer: nothing is left to do when the library is loaded */
 #if MODEL_IS_DISCRETE
     Type type;
 #endif
     Role role;
     double start, low, high;
 } Variable;
+
+/* Size before speed: of what is seldom called. */
+#if defined(__clang__)
+#define SELDOM __attribute__((minsize))
+#elif defined(__GNUC__)
+#define SELDOM __attribute__((cold))
+#else
+#define SELDOM
+#endif
 
 #include "model.c"
 
@@ -204,13 +213,16 @@ static int advance(Instance *m, double duration)
     return GOOD;
 }
 
+/* As fmin(fmax(x, low), high), without a call. */
+static double within(double x, double low, double high) { return x > high ? high : x < low ? low : x; }
+
 /* Rates at x, which is taken into the limits first: a solver's trial step may lie beyond one. */
 static void rates_at(const State *s, const double *x, double *rates)
 {
     double inside[N_X];
     int k;
     for (k = 0; k < N_X; k++)
-        inside[k] = x[k] > s->high[k] ? s->high[k] : x[k] < s->low[k] ? s->low[k] : x[k];
+        inside[k] = within(x[k], s->low[k], s->high[k]);
     model_rates(s->value + FIRST_P, s->constant, s->value + FIRST_U, inside, rates);
 }
 
@@ -258,7 +270,7 @@ static int know_outputs(Instance *m)
     if (s->outputs_known)
         return GOOD;
     for (k = 0; k < N_X; k++)
-        inside[k] = fmin(fmax(s->value[FIRST_X + k], s->low[k]), s->high[k]);
+        inside[k] = within(s->value[FIRST_X + k], s->low[k], s->high[k]);
     model_outputs(part(s, FIRST_P), s->constant, part(s, FIRST_U), inside, part(s, FIRST_Y));
     for (k = 0; k < N_Y; k++)
         if (!isfinite(s->value[FIRST_Y + k]))
@@ -294,7 +306,7 @@ static int settle(Instance *m, int *moved)
         return BAD;
     for (k = 0; k < N_X; k++) {
         double *x = s->value + FIRST_X + k;
-        const double held = fmin(fmax(*x, s->low[k]), s->high[k]);
+        const double held = within(*x, s->low[k], s->high[k]);
         if (held != *x) {
             *x = held;
             *moved += 1;
@@ -310,43 +322,41 @@ static int settle(Instance *m, int *moved)
 
 /* --------------------------- co-simulation: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19, orders 5 and 4 */
 
-static const double A[7][6] = {
-    {0.0},
-    {1.0 / 5.0},
-    {3.0 / 40.0, 9.0 / 40.0},
-    {44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0},
-    {19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0},
-    {9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0},
-    {35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0},
-};
-static const double E[7] = {71.0 / 57600.0,     0.0,          -71.0 / 16695.0, 71.0 / 1920.0,
-                            -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0};
+#define EACH(n) for (n = 0; n < N_X; n++)
+
+/* Rates at x; a resting state has none. */
+static void look(const State *s, const double *x, double *k)
+{
+    int n;
+    rates_at(s, x, k);
+    EACH(n) if (s->mode[n]) k[n] = 0.0;
+}
 
 /* One step of length h from the present state: where it leads, the rates there, and its error over the tolerance. */
 static double attempt(const State *s, double h, double *x, double *rates)
 {
-    double k[7][N_X], worst = 0.0;
-    int stage, j, n;
-    for (n = 0; n < N_X; n++)
-        k[0][n] = s->value[FIRST_DX + n];
-    for (stage = 1; stage < 7; stage++) {
-        for (n = 0; n < N_X; n++) {
-            double sum = 0.0;
-            for (j = 0; j < stage; j++)
-                sum += A[stage][j] * k[j][n];
-            x[n] = s->value[FIRST_X + n] + h * sum;
-        }
-        rates_at(s, x, k[stage]);
-        if (stage == 6)
-            memcpy(rates, k[6], sizeof k[6]);
-        for (n = 0; n < N_X; n++)
-            if (s->mode[n])
-                k[stage][n] = 0.0;
-    }
-    for (n = 0; n < N_X; n++) {
-        double error = 0.0;
-        for (j = 0; j < 7; j++)
-            error += E[j] * k[j][n];
+    const double *x0 = s->value + FIRST_X, *k1 = s->value + FIRST_DX;
+    double k2[N_X], k3[N_X], k4[N_X], k5[N_X], k6[N_X], worst = 0.0;
+    int n;
+    EACH(n) x[n] = x0[n] + h * (1.0 / 5.0 * k1[n]);
+    look(s, x, k2);
+    EACH(n) x[n] = x0[n] + h * (3.0 / 40.0 * k1[n] + 9.0 / 40.0 * k2[n]);
+    look(s, x, k3);
+    EACH(n) x[n] = x0[n] + h * (44.0 / 45.0 * k1[n] - 56.0 / 15.0 * k2[n] + 32.0 / 9.0 * k3[n]);
+    look(s, x, k4);
+    EACH(n) x[n] = x0[n] + h * (19372.0 / 6561.0 * k1[n] - 25360.0 / 2187.0 * k2[n] + 64448.0 / 6561.0 * k3[n] -
+                                212.0 / 729.0 * k4[n]);
+    look(s, x, k5);
+    EACH(n) x[n] = x0[n] + h * (9017.0 / 3168.0 * k1[n] - 355.0 / 33.0 * k2[n] + 46732.0 / 5247.0 * k3[n] +
+                                49.0 / 176.0 * k4[n] - 5103.0 / 18656.0 * k5[n]);
+    look(s, x, k6);
+    EACH(n) x[n] = x0[n] + h * (35.0 / 384.0 * k1[n] + 500.0 / 1113.0 * k3[n] + 125.0 / 192.0 * k4[n] -
+                                2187.0 / 6784.0 * k5[n] + 11.0 / 84.0 * k6[n]);
+    rates_at(s, x, rates);
+    EACH(n) {
+        const double k7 = s->mode[n] ? 0.0 : rates[n];
+        double error = 71.0 / 57600.0 * k1[n] - 71.0 / 16695.0 * k3[n] + 71.0 / 1920.0 * k4[n] -
+                       17253.0 / 339200.0 * k5[n] + 22.0 / 525.0 * k6[n] - 1.0 / 40.0 * k7;
         error = fabs(h * error) / (s->tolerance * (s->high[n] - s->low[n]));
         if (!(error <= worst)) /* also when it is not a number */
             worst = error;
@@ -361,9 +371,10 @@ static double overstep(const State *s, const double *x, const double *rates)
     int n;
     for (n = 0; n < N_X; n++) {
         const double range = s->high[n] - s->low[n];
-        const double over = s->mode[n] ? -s->mode[n] * rates[n] / range
-                                       : fmax(x[n] - s->high[n], s->low[n] - x[n]) / range;
-        most = fmax(most, over);
+        const double above = x[n] - s->high[n], below = s->low[n] - x[n];
+        const double over = (s->mode[n] ? -s->mode[n] * rates[n] : above > below ? above : below) / range;
+        if (over > most)
+            most = over;
     }
     return most;
 }

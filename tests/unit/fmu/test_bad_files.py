@@ -149,6 +149,8 @@ def test_a_description_that_is_none(pack, description, text):
 def test_no_description(pack):
     with pytest.raises(FileFormatError, match=r"expected modelDescription.xml inside, got no such entry"):
         open_archive(pack(readme=b""))
+    with pytest.raises(FileFormatError, match=r"expected an FMU, got a system of FMUs \(SSP\)\. Run it, or check"):
+        open_archive(pack(**{"SystemStructure.ssd": b""}))
 
 
 def test_no_library_for_this_machine(pack, temporary):

@@ -7,7 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from ohmloom.circuits import Memristor, Netlist, VoltageSource
+from ohmloom.circuits import (
+    Memristor,
+    MemristorCrossbar,
+    Netlist,
+    PulseTrain,
+    VoltageSource,
+    memristor_netlist,
+)
 from ohmloom.cli import main
 from ohmloom.devices import Device
 from ohmloom.errors import OperationError, ParameterError, UnknownNameError
@@ -203,6 +210,28 @@ def test_the_command_line_exports_a_loop_and_runs_it(command, tmp_path):
         code, text, _ = command("export", kind, *source, "--fmi", "3", "--out", tmp_path / f"{kind}.fmu", "--json")
         assert code == 0
         assert json.loads(text)["platforms"]
+
+
+def test_the_command_line_exports_arrays(command, tmp_path):
+    deck, file = tmp_path / "array.netlist.json", tmp_path / "array.fmu"
+    array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 3), 0.4), r_row=1.0, r_column=1.0)
+    rest = PulseTrain(t=np.array([0.0, 1.0]), v_row=np.zeros((2, 2)), v_column=np.zeros((2, 3)))
+    memristor_netlist(array, rest).save(deck)
+    words = ["export", "crossbar", deck, "--arrays", "--out", file]
+    # FMI 2.0, the default, has none.
+    code, out, err = command(*words)
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert "arrays: expected FMI 3.0, since FMI 2.0 has no arrays, got fmi=2. Set fmi=3." in err
+    code, _, err = command("export", "device", "hp_tio2", "--fmi", "3", "--arrays", "--out", file)
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "--arrays: expected " in err
+    assert not file.exists()
+    assert command(*words, "--fmi", "3")[0] == 0
+    code, out, _ = command("run", file, "--stop-time", "0.1", "--json")
+    assert code == 0
+    assert [name for name in json.loads(out)["values"] if name.startswith("q[")] == [
+        f"q[{i},{j}]" for i in range(2) for j in range(3)
+    ]
 
 
 def test_a_failed_check_exits_1(command, tmp_path, monkeypatch):
