@@ -54,8 +54,7 @@ def main() -> None:
         for spec in specs:
             if why_not_built(network, spec) is None and not path(name, spec, "html").exists():
                 make(name, network, spec, asked.dies if spec.wires.is_ideal else asked.wired_dies)
-    found = [outcome(name, spec) for name in CHAMPIONS for spec in specs]
-    write_page([one for one in found if one is not None], asked)
+    write_page({(name, spec.name): outcome(name, spec) for name in CHAMPIONS for spec in specs}, asked)
 
 
 def champion(name: str) -> Network:
@@ -86,8 +85,10 @@ def outcome(name: str, spec: Hardware) -> Feasibility | dict[str, Any] | None:
     return Feasibility.load(path(name, spec, "json")) if path(name, spec, "json").exists() else None
 
 
-def write_page(found: list[Feasibility | dict[str, Any]], asked: argparse.Namespace) -> None:
-    rows = "\n".join(row(one) for one in rank_studies(found))
+def write_page(found: dict[tuple[str, str], Feasibility | dict[str, Any] | None], asked: argparse.Namespace) -> None:
+    lines = [row(one) for one in rank_studies([one for one in found.values() if one is not None])]
+    lines += [f"| | {name} | `{spec}` | *not made yet* | | | | |" for (name, spec), one in found.items() if one is None]
+    rows = "\n".join(lines)
     command = f"python docs/studies/make.py --dies {asked.dies} --wired-dies {asked.wired_dies}"
     of_wired = f"{asked.wired_dies} of one with wires" if asked.wired_dies else (
         "none of one with wires, whose figures are those of the nominal die alone"
