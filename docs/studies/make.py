@@ -1,6 +1,6 @@
 """Studies every champion on every shipped spec, and writes the page that ranks them. Run from the repository's root.
 
-    python docs/studies/make.py [--dies 200] [--wired-dies 4] [--network HP --network GA ...]
+    python docs/studies/make.py [--dies 80] [--wired-dies 0] [--network HP --network GA ...]
 
 A study that stands in this folder already is not made again; delete its two files to redo it. With --network, only
 those are made, and several of these commands may run side by side; the page is that of all studies found.
@@ -44,8 +44,8 @@ other figures hardly depend on the number of dies; `--wired-dies 4` takes about 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--dies", type=int, default=200)
-    parser.add_argument("--wired-dies", type=int, default=4)
+    parser.add_argument("--dies", type=int, default=80)
+    parser.add_argument("--wired-dies", type=int, default=0)
     parser.add_argument("--network", action="append", choices=CHAMPIONS)
     asked = parser.parse_args()
     specs = [Hardware.load(name) for name in Hardware.names()]

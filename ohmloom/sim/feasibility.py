@@ -33,7 +33,7 @@ from ohmloom.sim.yield_study import yield_curves
 STUDIES = ("default", "full")
 EXACT_TIMESTEPS = 100  # at most, of the exact box: `check` runs the whole trial
 QUICK_TIMESTEPS = 200  # at most, of the nominal die without sampling; what counts per trial is then scaled
-DIES, WIRED_DIES, FAILED_DIES = 200, 80, 24
+DIES, WIRED_DIES, FAILED_DIES = 200, 96, 24
 CURVE_DIES = {"default": 50, "full": 400}
 Stage = Callable[[str, int, int], None]
 NOT_MODELLED = (
@@ -245,9 +245,9 @@ def feasibility(
 def default_dies(hardware: Hardware, nominal: tuple[f.Figure, ...]) -> int:
     """Dies of a study that asks for no number, so that it takes about two minutes.
 
-    Without wires 200. Where every step has to solve the potentials of wires, 80: no fewer can show that hardware keeps
-    the ideal controller's success, since without a pair that differs it takes 73; but where a figure of the nominal die
-    FAILs, and so the verdict, 24.
+    Without wires 200. Where every step has to solve the potentials of wires, 96: hardly fewer can show with a margin
+    that hardware keeps the ideal controller's success, since without a pair that differs it takes 93; but where a
+    figure of the nominal die FAILs, and so the verdict, 24.
     """
     if hardware.wires.is_ideal:
         return DIES
