@@ -166,7 +166,7 @@ def test_no_library_for_this_machine(pack, temporary):
 
 def test_a_damaged_entry(good, tmp_path, temporary):
     data = bytearray(good.read_bytes())
-    start = data.index(b"sources/runtime.c") + len(b"sources/runtime.c")
+    start = data.index(b"sources/fmu.c") + len(b"sources/fmu.c")
     data[start + 200] ^= 0xFF
     path = tmp_path / "bad.fmu"
     path.write_bytes(data)

@@ -84,7 +84,7 @@ def test_a_finished_run_is_not_run_again(reference, monkeypatch):
     def refuse(*_):
         raise AssertionError
 
-    monkeypatch.setattr(evolution, "_run_repeat", refuse)
+    monkeypatch.setattr(evolution, "run_repeat", refuse)
     outcome = evolve(SMALL, out=reference[0])
     assert outcome == reference[1]
     assert contents(reference[0]) == before
