@@ -13,6 +13,7 @@ from ohmloom.sim import figures as f
 from ohmloom.sim import figures_array as array
 from ohmloom.sim import figures_behaviour as behaviour
 from ohmloom.sim import figures_cost as cost
+from ohmloom.sim.feasibility import default_dies
 from ohmloom.sim.statistics import paired_success
 from ohmloom.sim.verdict import study_verdict
 
@@ -279,3 +280,11 @@ def test_causes_come_before_symptoms():
     )  # fmt: skip
     names = [reason.split()[0] for reason in study_verdict(found, {})[1]]
     assert names == ["read_error", "threshold_margin", "closed_loop_success"]
+
+
+def test_dies_follow_wires_and_what_the_nominal_die_says():
+    figure = f.Figure(name="event_fidelity", value=0.5, unit="", limit=0.001, margin=-499.0, source="ours",
+                      status=f.FAIL, detail="lost")  # fmt: skip
+    assert default_dies(Hardware.load("ideal"), (figure,)) == 200
+    assert default_dies(HARDWARE, (figure,)) == 24
+    assert default_dies(HARDWARE, (replace(figure, status=f.PASS),)) == 96
