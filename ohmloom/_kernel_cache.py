@@ -10,10 +10,7 @@ from numba.core.caching import UserProvidedCacheLocator
 PACKAGE = Path(__file__).resolve().parent
 
 
-_numba_locator: Any = UserProvidedCacheLocator
-
-
-class KernelCacheLocator(_numba_locator):  # type: ignore[misc]  # numba has no types
+class KernelCacheLocator(UserProvidedCacheLocator):
     """Cache of a function of this package, in a folder named after its room.
 
     numba's own locators name it after the absolute path, so that every new environment would compile everything again.
@@ -23,8 +20,8 @@ class KernelCacheLocator(_numba_locator):  # type: ignore[misc]  # numba has no 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
         """The locator, or None for a function of another package, which numba's own locators then find."""
-        is_ours = PACKAGE in Path(py_file).resolve().parents
-        return super().from_function(py_func, py_file) if is_ours else None
+        numbas: Any = super()  # which has no types
+        return numbas.from_function(py_func, py_file) if PACKAGE in Path(py_file).resolve().parents else None
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file: str) -> str:

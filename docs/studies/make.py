@@ -1,9 +1,8 @@
 """Studies every champion on every shipped spec, and writes the page that ranks them. Run from the repository's root.
 
-    python docs/studies/make.py [--dies 80] [--wired-dies 0] [--network HP --network GA ...]
+    python docs/studies/make.py [--dies 80] [--wired-dies 0]
 
-A study that stands in this folder already is not made again; delete its two files to redo it. With --network, only
-those are made, and several of these commands may run side by side; the page is that of all studies found.
+Every study is made again; one that was stopped goes on where it was, in runs/studies.
 """
 
 from __future__ import annotations
@@ -46,19 +45,16 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--dies", type=int, default=80)
     parser.add_argument("--wired-dies", type=int, default=0)
-    parser.add_argument("--network", action="append", choices=CHAMPIONS)
     asked = parser.parse_args()
     specs = [Hardware.load(name) for name in Hardware.names()]
-    for name in asked.network or CHAMPIONS:
-        network = champion(name)
+    found: list[Feasibility | dict[str, Any]] = []
+    for name in CHAMPIONS:
+        network = Network.load(net_file(name))
         for spec in specs:
-            if why_not_built(network, spec) is None and not path(name, spec, "html").exists():
-                make(name, network, spec, asked.dies if spec.wires.is_ideal else asked.wired_dies)
-    write_page({(name, spec.name): outcome(name, spec) for name in CHAMPIONS for spec in specs}, asked)
-
-
-def champion(name: str) -> Network:
-    return Network.load(net_file(name))
+            reason = why_not_built(network, spec)
+            dies = asked.dies if spec.wires.is_ideal else asked.wired_dies
+            found.append(make(name, network, spec, dies) if reason is None else not_built(network, spec, reason))
+    write_page(found, asked)
 
 
 def net_file(name: str) -> str:
@@ -69,26 +65,17 @@ def path(name: str, spec: Hardware, ending: str) -> Path:
     return HERE / f"{name}_{spec.name}.{ending}"
 
 
-def make(name: str, network: Network, spec: Hardware, dies: int) -> None:
-    # What is done is kept, so that this command, too, goes on where it was stopped.
+def make(name: str, network: Network, spec: Hardware, dies: int) -> Feasibility:
     study = feasibility(network, spec, dies=dies, out=Path("runs/studies") / f"{name}_{spec.name}_{dies}")
     words = ["ohmloom", "evaluate", net_file(name), "--hardware", spec.name, "--dies", str(dies), "--seed", "0"]
     study.save(path(name, spec, "json"))
     write_atomic(path(name, spec, "html"), report_page(study, command=shlex.join(words)))
     print(f"{name} on {spec.name}: {study.verdict}", flush=True)
+    return study
 
 
-def outcome(name: str, spec: Hardware) -> Feasibility | dict[str, Any] | None:
-    reason = why_not_built(champion(name), spec)
-    if reason is not None:
-        return not_built(champion(name), spec, reason)
-    return Feasibility.load(path(name, spec, "json")) if path(name, spec, "json").exists() else None
-
-
-def write_page(found: dict[tuple[str, str], Feasibility | dict[str, Any] | None], asked: argparse.Namespace) -> None:
-    lines = [row(one) for one in rank_studies([one for one in found.values() if one is not None])]
-    lines += [f"| | {name} | `{spec}` | *not made yet* | | | | |" for (name, spec), one in found.items() if one is None]
-    rows = "\n".join(lines)
+def write_page(found: list[Feasibility | dict[str, Any]], asked: argparse.Namespace) -> None:
+    rows = "\n".join(row(one) for one in rank_studies(found))
     command = f"python docs/studies/make.py --dies {asked.dies} --wired-dies {asked.wired_dies}"
     of_wired = f"{asked.wired_dies} of one with wires" if asked.wired_dies else (
         "none of one with wires, whose figures are those of the nominal die alone"

@@ -116,6 +116,7 @@ def _integrated(
     def wall(_: float, y: FloatArray) -> float:
         return float(y[0]) - (1.0 if up else 0.0)
 
+    # SciPy looks for this on the function itself; functions have no such attribute for a type checker.
     wall.terminal = True  # type: ignore[attr-defined]
     found = solve_ivp(rate, (0.0, 1.0), [s], "DOP853", rtol=1e-12, atol=1e-15, events=wall, first_step=1e-3)
     return float(min(max(found.y[0, -1], 0.0), 1.0))
