@@ -67,8 +67,8 @@ def run_paper(
     experiment = _run(settings, out, workers=workers, engine=engine, address=address, shard=None)
     results = Results(experiment)
     say("drawing")
-    paths = save_paper(results, out, command=shlex.join(words))
     findings = examine(results)
+    paths = save_paper(results, findings, out, command=shlex.join(words))
     if json_:
         claims = [vars(finding) | {"p": None if math.isnan(finding.p) else finding.p} for finding in findings]
         print(json.dumps({"out": str(out), "settings": settings.model_dump(), "claims": claims}, indent=1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +16,7 @@ from ohmloom.report._page_svg import figure_files, page_svg
 from ohmloom.report._replay_page import render, template
 from ohmloom.report.paper_plot import figures
 from ohmloom.sim.paper.claim_tests import NO, UNTESTED, YES, Finding
-from ohmloom.sim.paper.claims import QUESTIONS, examine
+from ohmloom.sim.paper.claims import QUESTIONS
 from ohmloom.sim.paper.results import Results
 from ohmloom.sim.paper.tables import Table, claims_table, tables
 
@@ -25,13 +26,13 @@ SOURCE: Final = (
 )
 
 
-def save_paper(results: Results, out: Path, *, command: str) -> list[Path]:
+def save_paper(results: Results, findings: Sequence[Finding], out: Path, *, command: str) -> list[Path]:
     """Write ``paper.html``, ``index.md``, ``tables.md``, ``figures.md``, ``tables/*.csv`` and ``figures/*.svg``.
 
     Parameters
     ----------
-    results
-        Of a finished run.
+    results, findings
+        Of a finished run, and what `examine` says of them.
     out
         Folder, which may be the run's own.
     command
@@ -42,9 +43,9 @@ def save_paper(results: Results, out: Path, *, command: str) -> list[Path]:
     OperationError
         If a file cannot be written.
     """
-    findings = examine(results)
     found = [claims_table(findings), *tables(results)]
-    pictures = list(figures(results))
+    # Each is drawn once, for its file and for the page.
+    pictures = [(name, caption, cache(draw)) for name, caption, draw in figures(results)]
     made = _made(results, command)
     written: dict[Path, str | bytes] = {out / "tables" / f"{table.name}.csv": table.to_csv() for table in found}
     for name, _, draw in pictures:

@@ -87,7 +87,7 @@ def test_the_default_reading_is_counted_as_the_plain_loop_counts(finished):
 
 
 def test_pages_hold_every_table_of_the_paper_and_a_line_per_claim(results, tmp_path):
-    paths = save_paper(results, tmp_path, command="ohmloom paper --out <b>x</b>")
+    paths = save_paper(results, examine(results), tmp_path, command="ohmloom paper --out <b>x</b>")
     names = {os.path.relpath(path, tmp_path) for path in paths}
     assert {
         f"tables/table_{n}.csv" for n in ["I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX", "X", "XI", "XII"]

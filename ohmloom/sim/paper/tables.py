@@ -119,13 +119,13 @@ def _means(number: str, task: str, systems: Sequence[str], results: Results) -> 
     printed = published().means["dynamic" if task == "dynamic" else "static"]
     rows = []
     for measure in MEASURES:
-        ours, theirs = [NAMES[measure]], ["", *()]
+        ours, theirs = [NAMES[measure], "here"], ["", "paper"]
         for system in systems:
             sample = results.sample(task, system, measure)
             missed = int(np.isnan(sample).sum())
             ours.append(_mean(*mean_and_deviation(sample)) + (f", {missed} unsolved" if missed else ""))
             theirs.append(_mean(*printed[measure][system]))
-        rows += [(*ours[:1], "here", *ours[1:]), ("", "paper", *theirs[1:])]
+        rows += [tuple(ours), tuple(theirs)]
     n = results.experiment.settings.repeats
     time = "trials from the first reward to the second" if task == "dynamic" else "generations to the first solution"
     return Table(
