@@ -166,7 +166,7 @@ class _Compiled:
 
         self._kernels, self._network = _kernels, network
         # Comparisons ask for the weights after every step: where each stands is looked up once.
-        self._places = tuple(np.array([[s.post, s.pre] for s in network.synapses], dtype=np.int64).reshape(-1, 2).T)
+        self._places = wiring.synapse_places(network)
         self._wiring = wiring.wire(network, events)
         self._state = wiring.new_state(self._wiring)
         self._counts = np.zeros(network.neurons, dtype=np.int64)

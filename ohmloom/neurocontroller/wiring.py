@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ohmloom._arrays import IntArray
 from ohmloom.neurocontroller import _kernels
 from ohmloom.neurocontroller.kinds import LATTICES, PLASTIC_KINDS, charge_levels
 from ohmloom.neurocontroller.network import Network
@@ -120,8 +121,7 @@ def new_state(wiring: _kernels.Wiring) -> _kernels.ControllerState:
     return state
 
 
-def synapse_values(network: Network, matrix: Any) -> Any:
-    """Entries of a (post, pre) matrix in the network's order of synapses."""
-    posts = [s.post for s in network.synapses]
-    pres = [s.pre for s in network.synapses]
-    return matrix[posts, pres]
+def synapse_places(network: Network) -> tuple[IntArray, IntArray]:
+    """Index of a (post, pre) matrix that gives its entries in the network's order of synapses."""
+    ends = np.array([(s.post, s.pre) for s in network.synapses], dtype=np.int64).reshape(-1, 2)
+    return ends[:, 0], ends[:, 1]

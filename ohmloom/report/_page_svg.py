@@ -6,6 +6,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -33,13 +34,7 @@ def page_svg(draw: Callable[[], Figure], key: str, label: str, *, map_index: int
     With `map_index`, the page's script shows the values under the pointer: the element says where its first axes have
     (0, 0) and how far it is to (1, 1), in its own units.
     """
-    import matplotlib
-
-    with matplotlib.rc_context(), warnings.catch_warnings():
-        # A letter of a name that the font lacks is left to the browser.
-        warnings.filterwarnings("ignore", message="Glyph")
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update({"svg.hashsalt": HASH_SALT, "svg.fonttype": "none"})
+    with _same_style():
         figure = draw()
         for axes in figure.axes:
             for artist in axes.get_children():
@@ -50,18 +45,25 @@ def page_svg(draw: Callable[[], Figure], key: str, label: str, *, map_index: int
     return _inside_page(buffer.getvalue(), key, label, "" if map_index is None else _frame(figure, map_index))
 
 
+@contextmanager
+def _same_style() -> Iterator[None]:
+    """Whatever the user's own settings are, the same picture."""
+    import matplotlib
+
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        # A letter of a name that the font lacks is left to the browser, or out.
+        warnings.filterwarnings("ignore", message="Glyph")
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update({"svg.hashsalt": HASH_SALT, "svg.fonttype": "none", "pdf.fonttype": 42})
+        yield
+
+
 FORMATS: Final = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
 
 
 def figure_files(draw: Callable[[], Figure], forms: Sequence[str] = tuple(FORMATS)) -> Iterator[tuple[str, bytes]]:
     """Draw a figure and give the contents of its files, each with its ending; the same bytes each time."""
-    import matplotlib
-
-    with matplotlib.rc_context(), warnings.catch_warnings():
-        # A letter of a name that the font lacks is left out, and said elsewhere.
-        warnings.filterwarnings("ignore", message="Glyph")
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update({"svg.hashsalt": HASH_SALT, "svg.fonttype": "none", "pdf.fonttype": 42})
+    with _same_style():
         figure = draw()
         for form in forms:
             picture = io.BytesIO()

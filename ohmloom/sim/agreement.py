@@ -49,7 +49,8 @@ class Agreement:
     spike_agreement, action_agreement
         Fractions of neuron-steps and of timesteps that are equal.
     worst_rms, final_rms, worst_weight_error
-        Root mean square of the weights' difference, worst over the timesteps and at the end; largest difference.
+        Root mean square of the weights' difference, worst over the timesteps and at the end; largest difference, of
+        all steps up to the first divergence and then of the ends of timesteps.
     worst_rms_of, final_rms_of
         The same by kind of synapse.
     at_bounds

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from ohmloom import __version__
-from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, remove_temporaries, validate, write_atomic
-from ohmloom.errors import FileFormatError, SettingsConflictError
+from ohmloom._files import StrictModel, check_format, parse_json, read_bytes, remove_temporaries, validate
+from ohmloom.errors import FileFormatError
 from ohmloom.mapping import Plan
-from ohmloom.sim.run_folder import FORMAT, VERSION, first_difference
+from ohmloom.sim.run_folder import FORMAT, VERSION, claim
 from ohmloom.sim.work import FAILED, UNITS
 
 FILES = ("run.json", "plan.json", "report.json", "report.html")
@@ -37,25 +35,12 @@ class StudySettings(StrictModel):
 
 
 def claim_study(folder: Path, plan: Plan, settings: StudySettings) -> None:
-    """Write what is asked into the folder, or check that the same was asked before.
-
-    Raises
-    ------
-    SettingsConflictError
-        If something else was asked; names the first field that differs.
-    """
-    path = folder / "run.json"
-    wanted = {"format": FORMAT, "version": VERSION, "ohmloom": __version__, "command": "evaluate",
-              "settings": settings.model_dump()}  # fmt: skip
-    if folder.is_dir():
-        remove_temporaries(folder, lambda name: name in FILES)
-    if path.exists():
-        difference = first_difference(read_run(folder), json.loads(json.dumps(wanted)))
-        if difference:
-            raise SettingsConflictError(f"{path}: {difference}. Use another --out, or the options of that study.")
-        return
-    plan.save(folder / "plan.json")
-    write_atomic(path, json.dumps(wanted, indent=1) + "\n")
+    """Write what is asked into the folder, or check that the same was asked before; errors as of `claim`."""
+    claim(
+        folder, {"command": "evaluate", "settings": settings.model_dump()}, may_hold_others=True,
+        tidy=lambda: remove_temporaries(folder, lambda name: name in FILES),
+        begin=lambda: plan.save(folder / "plan.json"),
+    )  # fmt: skip
 
 
 def read_run(folder: Path) -> dict[str, Any]:

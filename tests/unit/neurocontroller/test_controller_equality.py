@@ -14,7 +14,7 @@ from ohmloom.neurocontroller import (
     _kernels,
     mutate,
 )
-from ohmloom.neurocontroller.wiring import new_state, synapse_values, wire
+from ohmloom.neurocontroller.wiring import new_state, synapse_places, wire
 
 SYSTEMS = ["HP", "PEO", "LIN", "GA", "HET"]
 ALTERNATIVES = [
@@ -124,7 +124,7 @@ def test_masked_form_equals_general_form(lateral):
         assert actions[0] == actions[1]
         assert counts[0].tolist() == counts[1].tolist()
     assert states[0].y.tolist() == states[1].y.tolist()
-    weights = [synapse_values(network, s.weight) for s in states]
+    weights = [s.weight[synapse_places(network)] for s in states]
     assert weights[0].tolist() == weights[1].tolist()
 
 
