@@ -129,16 +129,21 @@ def choose_by_type(function: Callable[..., Any], forms: dict[type, Callable[...,
     _overload(function, jit_options={"forceinline": True})(choose)
 
 
-def closure_kernel(tag: str) -> Callable[[F], F]:
+def closure_kernel(tag: str, *, is_large: bool = False) -> Callable[[F], F]:
     """Compile a closure, like `inner_kernel`, under a name that no other closure of its factory has.
 
     The linker tells closures apart by qualified name and a count kept per process, so that one from the cache and
     a fresh one of the same factory could otherwise be taken for each other, and give wrong numbers.
+
+    Callees inherit it when a form of `choose_by_type` is inlined by force. What is large must not, nor what it calls:
+    each of its calls would compile all laws again.
     """
+    options = {"forceinline": False} if is_large else {}
 
     def compile_named(function: F) -> F:
         function.__qualname__ = f"{function.__qualname__}.{tag}"
-        return inner_kernel(function)
+        compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy", **options)(function)
+        return compiled
 
     return compile_named
 

@@ -75,7 +75,7 @@ def build_pulses(
     over_time = _build_advance(time_slopes, f"{tag}_time")
     over_held = _build_advance(held_slopes, f"{tag}_held")
 
-    @closure_kernel(tag)
+    @closure_kernel(tag, is_large=True)
     def metered_pulse(
         law_index: int, s: float, p: Any, q_d: float, voltage: float, charge: float
     ) -> tuple[float, float, float]:
@@ -86,7 +86,7 @@ def build_pulses(
         s_new, duration = over_charge(law_index, s, p, q_d, voltage, abs(charge))
         return s_new, duration, voltage * charge
 
-    @closure_kernel(tag)
+    @closure_kernel(tag, is_large=True)
     def current_pulse(
         law_index: int, s: float, p: Any, q_d: float, current: float, duration: float
     ) -> tuple[float, float, float]:
@@ -96,7 +96,7 @@ def build_pulses(
         last = abs(port_voltage(law_index, s_new, p, current))
         return s_new, energy, max(first, last)
 
-    @closure_kernel(tag)
+    @closure_kernel(tag, is_large=True)
     def voltage_pulse(
         law_index: int, s: float, p: Any, q_d: float, voltage: float, duration: float
     ) -> tuple[float, float]:
