@@ -97,26 +97,56 @@ def test_compiled_pulses_equal_the_plain_functions_bit_for_bit():
 
 MIXED = """
 import sys
-import numpy as np
-from ohmloom.devices import _kernels as k
-p = np.array([0.01, 1.0, 0.99])
+from numba.core import types
+from numba.extending import intrinsic
+from ohmloom._jit import COMPILED, closure_kernel, kernel
+
+def stay_apart():
+    pass
+
+def compiled_form(typingctx):
+    def codegen(context, builder, signature, args):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+    return types.none(), codegen
+
+if COMPILED:  # what is inlined has no name that the linker could mistake
+    stay_apart = intrinsic(compiled_form)
+
+def make(value):
+    @closure_kernel(str(value))
+    def add(x):
+        stay_apart()
+        return x + value
+    return add
+
+add_one, add_two = make(1), make(2)
+
+@kernel
+def one(x):
+    return add_one(x)
+
+@kernel
+def two(x):
+    return add_two(x)
+
 for word in sys.argv[1:]:
-    print(word, *(float(x).hex() for x in getattr(k, word)(2, 0.3, p, 0.99, 1.0, 1e-3)))
+    print(word, globals()[word](10.0))
 """
 
 
 def test_a_kernel_from_the_cache_and_a_fresh_one_are_not_taken_for_each_other(tmp_path):
-    """Both pulses hold closures of one factory; the linker knows machine code by name only."""
+    """Both hold closures of one factory; the linker knows machine code by name only."""
+    (tmp_path / "mixed.py").write_text(MIXED)
+    environment = {key: v for key, v in os.environ.items() if key not in ("NUMBA_DISABLE_JIT", "NUMBA_CACHE_DIR")}
+    environment["OHMLOOM_CACHE"] = str(tmp_path / "cache")
 
-    def run(*words, **extra):
-        environment = {key: v for key, v in os.environ.items() if key not in ("NUMBA_DISABLE_JIT", "NUMBA_CACHE_DIR")}
-        environment |= {"OHMLOOM_CACHE": str(tmp_path), **extra}
-        command = [sys.executable, "-c", MIXED, *words]
-        return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
+    def run(*words):
+        command = [sys.executable, str(tmp_path / "mixed.py"), *words]
+        return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.split()
 
-    run("current_pulse")
-    both = ("metered_pulse", "current_pulse")
-    assert run(*both) == run(*both, NUMBA_DISABLE_JIT="1")
+    run("two")
+    assert run("one", "two") == ["one", "11.0", "two", "12.0"]
 
 
 @pytest.mark.parametrize("name", CARDS)
