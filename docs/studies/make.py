@@ -1,6 +1,6 @@
 """Studies every champion on every shipped spec, and writes the page that ranks them. Run from the repository's root.
 
-    python docs/studies/make.py [--dies 80] [--wired-dies 0]
+    python docs/studies/make.py [--dies N] [--workers N]
 
 Every study is made again; one that was stopped goes on where it was, in runs/studies.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shlex
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,7 @@ fail. A pair without a card for one of its kinds cannot be built. One command ma
 ```
 
 {dies} Each link leads to the report that `ohmloom evaluate` writes, which says how to make it again, and each report
-has its numbers in the JSON file beside it. What a success on so few dies is worth is told by its interval there. The
-other figures hardly depend on the number of dies; `--wired-dies 4` takes about a minute more for each pair with wires.
+has its numbers in the JSON file beside it. What a success on so many dies is worth is told by its interval there.
 
 | rank | network | hardware | verdict | goal reached on hardware | ideal | first reason | files |
 |---|---|---|---|---|---|---|---|
@@ -43,8 +43,8 @@ other figures hardly depend on the number of dies; `--wired-dies 4` takes about 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--dies", type=int, default=80)
-    parser.add_argument("--wired-dies", type=int, default=0)
+    parser.add_argument("--dies", type=int, help="of each pair; as many as `ohmloom evaluate` would choose by default")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     asked = parser.parse_args()
     specs = [Hardware.load(name) for name in Hardware.names()]
     found: list[Feasibility | dict[str, Any]] = []
@@ -52,9 +52,11 @@ def main() -> None:
         network = Network.load(net_file(name))
         for spec in specs:
             reason = why_not_built(network, spec)
-            dies = asked.dies if spec.wires.is_ideal else asked.wired_dies
-            found.append(make(name, network, spec, dies) if reason is None else not_built(network, spec, reason))
-    write_page(found, asked)
+            if reason is not None:
+                found.append(not_built(network, spec, reason))
+                continue
+            found.append(make(name, network, spec, asked))
+    write_page(found, asked.dies)
 
 
 def net_file(name: str) -> str:
@@ -65,23 +67,26 @@ def path(name: str, spec: Hardware, ending: str) -> Path:
     return HERE / f"{name}_{spec.name}.{ending}"
 
 
-def make(name: str, network: Network, spec: Hardware, dies: int) -> Feasibility:
-    study = feasibility(network, spec, dies=dies, out=Path("runs/studies") / f"{name}_{spec.name}_{dies}")
-    words = ["ohmloom", "evaluate", net_file(name), "--hardware", spec.name, "--dies", str(dies), "--seed", "0"]
+def make(name: str, network: Network, spec: Hardware, asked: argparse.Namespace) -> Feasibility:
+    out = Path("runs/studies") / f"{name}_{spec.name}{'' if asked.dies is None else f'_{asked.dies}'}"
+    study = feasibility(network, spec, dies=asked.dies, out=out, workers=asked.workers)
+    words = ["ohmloom", "evaluate", net_file(name), "--hardware", spec.name, *dies_option(asked.dies), "--seed", "0"]
     study.save(path(name, spec, "json"))
     write_atomic(path(name, spec, "html"), report_page(study, command=shlex.join(words)))
     print(f"{name} on {spec.name}: {study.verdict}", flush=True)
     return study
 
 
-def write_page(found: list[Feasibility | dict[str, Any]], asked: argparse.Namespace) -> None:
+def dies_option(dies: int | None) -> list[str]:
+    return [] if dies is None else ["--dies", str(dies)]
+
+
+def write_page(found: list[Feasibility | dict[str, Any]], dies: int | None) -> None:
     rows = "\n".join(row(one) for one in rank_studies(found))
-    command = f"python docs/studies/make.py --dies {asked.dies} --wired-dies {asked.wired_dies}"
-    of_wired = f"{asked.wired_dies} of one with wires" if asked.wired_dies else (
-        "none of one with wires, whose figures are those of the nominal die alone"
-    )  # fmt: skip
-    dies = f"{asked.dies} dies of a spec without wires, each from a start of its own, seed 0; {of_wired}."
-    write_atomic(HERE / "index.md", PAGE.format(command=command, dies=dies, rows=rows))
+    command = shlex.join(["python", "docs/studies/make.py", *dies_option(dies)])
+    many = "As many dies of each as `ohmloom evaluate` chooses by default" if dies is None else f"{dies} dies of each"
+    text = PAGE.format(command=command, dies=f"{many}, each from a start of its own, seed 0.", rows=rows)
+    write_atomic(HERE / "index.md", text)
 
 
 def row(one: dict[str, Any]) -> str:
