@@ -29,6 +29,7 @@ def lowest_weight(device: Device, *, has_reference: bool) -> float:
     return 0.0 if has_reference else float(device.conductance(0.0) / device.conductance(1.0))
 
 
+@lru_cache(maxsize=4096)  # a plan asks for one start many times
 def state_of_weight(device: Device, weight: float, *, has_reference: bool) -> float:
     """The state at which the read weight is `weight`, or the wall that is nearest to it.
 
