@@ -81,6 +81,16 @@ def kernel(function: F) -> F:
     return compiled
 
 
+def large_kernel(function: F) -> F:
+    """Compile one that is never put into its callers by force, nor is what it calls.
+
+    Callees inherit force when a form of `choose_by_type` is inlined, and each call of a large one would compile all of
+    it again.
+    """
+    compiled: F = _njit(cache=True, fastmath=False, nogil=True, error_model="numpy", forceinline=False)(function)
+    return compiled
+
+
 def inner_kernel(function: F) -> F:
     """Compile a function that only other kernels call; it is compiled into them and not cached by itself."""
     compiled: F = _njit(cache=False, fastmath=False, nogil=True, error_model="numpy")(function)
@@ -135,8 +145,7 @@ def closure_kernel(tag: str, *, is_large: bool = False) -> Callable[[F], F]:
     The linker tells closures apart by qualified name and a count kept per process, so that one from the cache and
     a fresh one of the same factory could otherwise be taken for each other, and give wrong numbers.
 
-    Callees inherit it when a form of `choose_by_type` is inlined by force. What is large must not, nor what it calls:
-    each of its calls would compile all laws again.
+    One that `is_large` is never put into its callers by force, see `large_kernel`.
     """
     options = {"forceinline": False} if is_large else {}
 

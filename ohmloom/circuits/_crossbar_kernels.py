@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ohmloom._jit import inner_kernel, kernel
+from ohmloom._jit import inner_kernel, large_kernel
 
 MOST_ITERATIONS = 2000
 # Relative error in the energy norm; the potentials' own is of this size.
@@ -137,7 +137,7 @@ def _turn_product(g: Any, x: Any, out: Any) -> None:
             out[j, i] = g[i, j] * x[i, j]
 
 
-@kernel
+@large_kernel
 def solve_potentials(g: Any, source: Any, rows: Any, columns: Any, v_row: Any, v_column: Any, u: Any, w: Any,
                      work: Any, tolerance: float, is_warm: bool) -> int:  # fmt: skip
     """Potentials `u` of the rows and `w` of the columns; see the module for shapes and units."""
