@@ -1,6 +1,6 @@
-"""Compiled discrete controller: bit masks up to 62 neurons with the default rule, else a general form.
+"""Compiled discrete controller: bit masks with the default rule, of one word up to 62 neurons; else a general form.
 
-Both equal ``plain`` spike for spike. Sums run in ascending order of the presynaptic neuron, from 0.0.
+All equal ``plain`` spike for spike. Sums run in ascending order of the presynaptic neuron, from 0.0.
 """
 
 from __future__ import annotations
@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmloom._arrays import FloatArray, IntArray
-from ohmloom._jit import copy_flat, kernel, lowest_bit
+from ohmloom._jit import copy_flat, inlined_kernel, kernel, lowest_bit
 
 INPUTS = 6
 STEPS = 21
+BITS = 62  # neurons in one word of a mask; the sign bit stays free
 FORWARD, LEFT, RIGHT = 0, 1, 2
 
 
@@ -21,11 +22,12 @@ class Wiring(NamedTuple):
     """One network, read only. Masks hold presynaptic neurons as bits; matrices have axes (post, pre)."""
 
     neurons: int
-    masked: bool  # whether the bit-mask form applies
+    masked: bool  # whether the form with masks of one word applies
     direct: np.ndarray  # (post,) delay of one step
     descending: np.ndarray  # (post,) from higher hidden neurons, delay i_s - i_r
     ascending: np.ndarray  # (post,) from lower hidden neurons, delay i_r - i_s
     plastic: np.ndarray  # (post,)
+    words: np.ndarray  # (the four above, post, word) for the form with more words; none where it does not apply
     sign: np.ndarray  # (pre,)
     kind: np.ndarray  # (post, pre) row of `tables`
     first_weight: np.ndarray  # (post, pre), with the sender's sign
@@ -59,6 +61,8 @@ class ControllerState(NamedTuple):
     level: np.ndarray  # (post, pre)
     masks: np.ndarray  # [spikes of the last step]
     waves: np.ndarray  # (2, neuron) descending and ascending senders whose spike arrives now
+    word_masks: np.ndarray  # (3, word) spikes of the last step; of this step; of the last and not of this
+    word_waves: np.ndarray  # (2, neuron, word) as `waves`
     ls: np.ndarray  # (neuron,) the general form
     ring: np.ndarray  # (slot, neuron) spikes of past steps
     emitted: np.ndarray  # (slot, synapse) weights at emission
@@ -89,6 +93,8 @@ def reset_activity(w: Wiring, s: ControllerState) -> None:
     s.y[:] = w.c_ini
     s.masks[:] = 0
     s.waves[:] = 0
+    s.word_masks[:] = 0
+    s.word_waves[:] = 0
     s.ls[:] = 0
     s.ring[:] = False
     s.clock[0] = 0
@@ -139,7 +145,7 @@ def stdp_masked(
             pres &= pres - 1
 
 
-@kernel
+@inlined_kernel
 def _run_masked(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
     # Fields are taken out once: reading them from the tuple in the loop would count references every time.
     direct, descending, ascending, plastic = w.direct, w.descending, w.ascending, w.plastic
@@ -177,73 +183,137 @@ def _run_masked(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntA
 
 
 @kernel
+def _stdp_words(
+    plastic: IntArray, sign: FloatArray, kind: np.ndarray, tables: FloatArray, up: np.ndarray, down: np.ndarray,
+    weight: FloatArray, level: np.ndarray, events: IntArray, posts: IntArray, senders: IntArray, positive: bool,
+) -> None:  # fmt: skip
+    """`stdp_masked` in one direction."""
+    words = len(posts)
+    for i in range(words):
+        left = posts[i]
+        while left != 0:
+            post = BITS * i + lowest_bit(left)
+            left &= left - 1
+            for k in range(words):
+                pres = plastic[post, k] & senders[k]
+                while pres != 0:
+                    pre = BITS * k + lowest_bit(pres)
+                    pres &= pres - 1
+                    _move(sign, kind, tables, up, down, weight, level, events, post, pre, positive)
+
+
+@kernel
+def _run_words(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
+    direct, descending, ascending, plastic = w.words[0], w.words[1], w.words[2], w.words[3]
+    sign, kind, tables, up, down = w.sign, w.kind, w.tables, w.up, w.down
+    y_all, weight, level, events, falling, rising = s.y, s.weight, s.level, s.events, s.word_waves[0], s.word_waves[1]
+    last, new, old = s.word_masks[0], s.word_masks[1], s.word_masks[2]
+    neurons, a, b, c, y_thresh, gain, clamp = w.neurons, w.a, w.b, w.c, w.y_thresh, w.gain, w.clamp
+    input_bias = a if w.input_bias else 0.0
+    words, first_output = len(last), neurons - 2
+    for _ in range(steps):
+        new[:] = 0
+        for j in range(neurons):
+            if j < INPUTS:
+                y = membrane(y_all[j], sensors[j], input_bias, b, clamp)
+            else:
+                total = 0.0
+                for k in range(words):
+                    arriving = (direct[j, k] & last[k]) | (descending[j, k] & falling[j, k])
+                    arriving |= ascending[j, k] & rising[j, k]
+                    while arriving != 0:
+                        total += weight[j, BITS * k + lowest_bit(arriving)]
+                        arriving &= arriving - 1
+                y = membrane(y_all[j], gain * total, a, b, clamp)
+            if y > y_thresh:
+                y = c
+                new[j // BITS] |= 1 << (j % BITS)
+                spiked[j] += 1
+            y_all[j] = y
+        for j in range(INPUTS, first_output - 1):
+            for k in range(words):
+                falling[j, k] = falling[j + 1, k]
+            falling[j, (j + 1) // BITS] |= new[(j + 1) // BITS] & (1 << ((j + 1) % BITS))
+        for j in range(first_output - 1, INPUTS, -1):
+            for k in range(words):
+                rising[j, k] = rising[j - 1, k]
+            rising[j, (j - 1) // BITS] |= new[(j - 1) // BITS] & (1 << ((j - 1) % BITS))
+        for k in range(words):
+            old[k] = last[k] & ~new[k]
+            last[k] = new[k]
+        _stdp_words(plastic, sign, kind, tables, up, down, weight, level, events, new, old, True)
+        _stdp_words(plastic, sign, kind, tables, up, down, weight, level, events, old, new, False)
+
+
+@kernel
 def stdp_general(w: Wiring, s: ControllerState) -> None:
     """Eqs. 10 and 11 for any last_spike and threshold, then the decay of ls."""
+    starts, senders, sign, kind, tables, up, down = w.starts, w.senders, w.sign, w.kind, w.tables, w.up, w.down
+    weight, level, events, ls = s.weight, s.level, s.events, s.ls
+    threshold, kinds = w.stdp_threshold, w.tables.shape[0]
     for post in range(INPUTS, w.neurons):
-        for k in range(w.starts[post], w.starts[post + 1]):
-            pre = w.senders[k]
-            if w.kind[post, pre] < w.tables.shape[0]:
-                ls_pre, ls_post = s.ls[pre], s.ls[post]
-                if ls_pre + ls_post > w.stdp_threshold and ls_pre != ls_post:
-                    positive = ls_post > ls_pre
-                    _move(
-                        w.sign,
-                        w.kind,
-                        w.tables,
-                        w.up,
-                        w.down,
-                        s.weight,
-                        s.level,
-                        s.events,
-                        post,
-                        pre,
-                        positive,
-                    )
+        ls_post = ls[post]
+        for k in range(starts[post], starts[post + 1]):
+            pre = senders[k]
+            ls_pre = ls[pre]
+            if ls_pre + ls_post > threshold and ls_pre != ls_post and kind[post, pre] < kinds:
+                _move(sign, kind, tables, up, down, weight, level, events, post, pre, ls_post > ls_pre)
     for j in range(w.neurons):
-        if s.ls[j] > 0:
-            s.ls[j] -= 1
+        if ls[j] > 0:
+            ls[j] -= 1
 
 
 @kernel
 def _step_general(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray) -> None:
-    slots = s.ring.shape[0]
+    starts, senders, delays = w.starts, w.senders, w.delays
+    y_all, weight, ring, emitted, ls = s.y, s.weight, s.ring, s.emitted, s.ls
+    a, b, y_thresh, clamp, at_emission = w.a, w.b, w.y_thresh, w.clamp, w.at_emission
+    slots = ring.shape[0]
     now = s.clock[0]
     slot = now % slots
     for j in range(w.neurons):
         if j < INPUTS:
-            y = membrane(s.y[j], sensors[j], w.a if w.input_bias else 0.0, w.b, w.clamp)
+            y = membrane(y_all[j], sensors[j], a if w.input_bias else 0.0, b, clamp)
         else:
             total = 0.0
-            for k in range(w.starts[j], w.starts[j + 1]):
-                pre, sent = w.senders[k], now - w.delays[k]
-                if sent >= 0 and s.ring[sent % slots, pre]:
-                    if w.at_emission:
-                        total += s.emitted[sent % slots, k]
-                    else:
-                        total += s.weight[j, pre]
-            y = membrane(s.y[j], w.gain * total, w.a, w.b, w.clamp)
-        above = y > w.y_thresh
-        s.y[j] = w.c if above else y
-        s.ring[slot, j] = above
+            for k in range(starts[j], starts[j + 1]):
+                pre = senders[k]
+                # No delay is longer than the ring, which is empty where nothing has been sent yet.
+                sent = slot - delays[k]
+                if sent < 0:
+                    sent += slots
+                if ring[sent, pre]:
+                    total += emitted[sent, k] if at_emission else weight[j, pre]
+            y = membrane(y_all[j], w.gain * total, a, b, clamp)
+        above = y > y_thresh
+        y_all[j] = w.c if above else y
+        ring[slot, j] = above
         if above:
-            s.ls[j] = w.last_spike
+            ls[j] = w.last_spike
             spiked[j] += 1
-    if w.at_emission:
+    if at_emission:
         for post in range(INPUTS, w.neurons):
-            for k in range(w.starts[post], w.starts[post + 1]):
-                s.emitted[slot, k] = s.weight[post, w.senders[k]]
+            for k in range(starts[post], starts[post + 1]):
+                emitted[slot, k] = weight[post, senders[k]]
     stdp_general(w, s)
     s.clock[0] = now + 1
+
+
+@inlined_kernel
+def _advance(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
+    if w.masked:
+        _run_masked(w, s, sensors, spiked, steps)
+    elif w.words.shape[2] > 0:
+        _run_words(w, s, sensors, spiked, steps)
+    else:
+        for _ in range(steps):
+            _step_general(w, s, sensors, spiked)
 
 
 @kernel
 def run_steps(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray, steps: int) -> None:
     """`steps` steps with constant sensor values; `spiked` (neuron,) counts up with each spike."""
-    if w.masked:
-        _run_masked(w, s, sensors, spiked, steps)
-    else:
-        for _ in range(steps):
-            _step_general(w, s, sensors, spiked)
+    _advance(w, s, sensors, spiked, steps)
 
 
 @kernel
@@ -252,5 +322,5 @@ def timestep(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArra
     if not w.carry:
         reset_activity(w, s)
     spiked[:] = 0
-    run_steps(w, s, sensors, spiked, STEPS)
+    _advance(w, s, sensors, spiked, STEPS)
     return classify(spiked[w.neurons - 2], spiked[w.neurons - 1], w.high_count)

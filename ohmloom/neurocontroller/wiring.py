@@ -17,7 +17,7 @@ from ohmloom.neurocontroller.rules import INPUTS, OUTPUTS
 if TYPE_CHECKING:
     from ohmloom.neurocontroller.device_levels import DeviceEvents
 
-MASK_LIMIT = 62  # neurons that fit the bits of a signed 64-bit integer
+MASK_LIMIT = _kernels.BITS  # neurons that fit the bits of a signed 64-bit integer
 NOT_PLASTIC = len(PLASTIC_KINDS)
 
 
@@ -64,9 +64,11 @@ def wire(network: Network, events: Mapping[str, DeviceEvents] | None = None) -> 
     """Arrays of one network, read only, for the kernels; plastic kinds are the paper's unless `events` are given."""
     r, n = network.readings, network.neurons
     first_output = n - OUTPUTS
-    masked = n <= MASK_LIMIT and r.last_spike == 3 and r.stdp_threshold == 4 and r.weight_at == "arrival"
+    has_masks = r.last_spike == 3 and r.stdp_threshold == 4 and r.weight_at == "arrival"
+    masked = has_masks and n <= MASK_LIMIT
     masks = np.zeros((4, n), dtype=np.int64)
     direct, descending, ascending, plastic = masks
+    words = np.zeros((4, n, -(-n // MASK_LIMIT) if has_masks and not masked else 0), dtype=np.int64)
     sign = np.array([network.sign(j) for j in range(n)])
     kind = np.full((n, n), NOT_PLASTIC, dtype=np.int8)
     weight = np.zeros((n, n))
@@ -86,8 +88,10 @@ def wire(network: Network, events: Mapping[str, DeviceEvents] | None = None) -> 
             senders.append(pre)
             weight[post, pre] = sign[pre] * synapse.weight
             is_lateral = pre >= INPUTS and post < first_output and r.hidden_delay == "index"
-            if masked:
-                (direct if not is_lateral else descending if pre > post else ascending)[post] |= 1 << pre
+            word, bit = (0, pre) if masked else divmod(pre, MASK_LIMIT)
+            if has_masks:
+                target = masks if masked else words[:, :, word]
+                target[0 if not is_lateral else 1 if pre > post else 2, post] |= 1 << bit
             if synapse.kind in LATTICES:
                 kind[post, pre] = PLASTIC_KINDS.index(synapse.kind)
                 if events is None:
@@ -95,11 +99,11 @@ def wire(network: Network, events: Mapping[str, DeviceEvents] | None = None) -> 
                 else:
                     level[post, pre] = events[synapse.kind].levels.start
                     weight[post, pre] = sign[pre] * tables[kind[post, pre], level[post, pre]]
-                if masked:
-                    plastic[post] |= 1 << pre
+                if has_masks:
+                    target[3, post] |= 1 << bit
         starts[post + 1] = len(senders)
     return _kernels.Wiring(
-        n, masked, direct, descending, ascending, plastic, sign, kind, weight, level,
+        n, masked, direct, descending, ascending, plastic, words, sign, kind, weight, level,
         starts, np.array(senders, dtype=np.int64), np.array(delays, dtype=np.int64), tables, up, down,
         r.a, r.b, r.c, r.c_ini, r.y_thresh, r.synapse_gain, r.last_spike, r.stdp_threshold, r.high_count,
         r.weight_at == "emission", r.input_bias, r.clamp, r.carry_state,
@@ -109,11 +113,13 @@ def wire(network: Network, events: Mapping[str, DeviceEvents] | None = None) -> 
 def new_state(wiring: _kernels.Wiring) -> _kernels.ControllerState:
     """State of a network before its first step."""
     n, synapses = wiring.neurons, len(wiring.senders)
-    # The masked form keeps no ring, but the arrays must exist for the compiler.
-    slots = 1 if wiring.masked else int(wiring.delays.max(initial=1)) + 1
+    # Masks keep no ring, but the arrays must exist for the compiler.
+    words = wiring.words.shape[2]
+    slots = 1 if wiring.masked or words else int(wiring.delays.max(initial=1)) + 1
     state = _kernels.ControllerState(
         np.empty(n), np.empty((n, n)), np.empty((n, n), dtype=wiring.up.dtype), np.zeros(1, dtype=np.int64),
-        np.zeros((2, n), dtype=np.int64), np.zeros(n, dtype=np.int64), np.zeros((slots, n), dtype=np.bool_),
+        np.zeros((2, n), dtype=np.int64), np.zeros((3, words), dtype=np.int64),
+        np.zeros((2, n, words), dtype=np.int64), np.zeros(n, dtype=np.int64), np.zeros((slots, n), dtype=np.bool_),
         np.zeros((slots if wiring.at_emission else 1, synapses)), np.zeros(1, dtype=np.int64),
         np.zeros(2, dtype=np.int64),
     )  # fmt: skip

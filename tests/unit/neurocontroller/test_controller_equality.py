@@ -11,6 +11,7 @@ from ohmloom.neurocontroller import (
     Network,
     Readings,
     SpikingController,
+    Synapse,
     _kernels,
     mutate,
 )
@@ -98,11 +99,29 @@ def test_grown_network(lateral):
     assert_equal_run(network, 12)
 
 
-def test_more_neurons_than_mask_bits():
-    network = Network.random(system="HET", rng=np.random.default_rng(4), hidden=56, enable_probability=0.3)
+@pytest.mark.parametrize("lateral", ["descending", "both"])
+def test_more_neurons_than_one_word_has_bits(lateral):
+    network = Network.random(system="HET", rng=np.random.default_rng(4), hidden=56, enable_probability=0.3,
+                             readings=Readings(lateral=lateral))  # fmt: skip
     assert network.neurons == 64
-    assert not wire(network).masked
+    assert wire(network).words.shape == (4, 64, 2)
     assert_equal_run(network, 12)
+
+
+def test_as_many_hidden_neurons_as_a_network_may_have():
+    """Spikes wander through all the words, and arrive within one, at its edges and two words further on."""
+    rng = np.random.default_rng(4)
+    pairs = {(pre, post) for pre in range(6) for post in range(6, 1006) if rng.random() < 0.2}
+    pairs |= {(post + distance, post) for distance in (1, 62, 130) for post in range(6, 1006 - distance)}
+    pairs |= {(pre, post) for pre in range(6, 1006) for post in (1006, 1007) if rng.random() < 0.1}
+    ordered = sorted(pairs, key=lambda pair: (pair[1], pair[0]))
+    network = Network(
+        system="LIN",
+        hidden=tuple(rng.choice(["excitatory", "inhibitory"], 1000).tolist()),
+        synapses=tuple(Synapse(pre, post, "linear", 0.5) for pre, post in ordered),
+    )
+    assert wire(network).words.shape == (4, 1008, 17)
+    assert_equal_run(network, 4)
 
 
 def test_most_neurons_that_masks_hold():
