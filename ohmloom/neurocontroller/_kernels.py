@@ -316,11 +316,17 @@ def run_steps(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArr
     _advance(w, s, sensors, spiked, steps)
 
 
-@kernel
-def timestep(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray) -> int:
-    """21 steps; `spiked` (neuron,) becomes the spike counts. Returns the action."""
+@inlined_kernel
+def inlined_timestep(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray) -> int:
+    """`timestep` for kernels."""
     if not w.carry:
         reset_activity(w, s)
     spiked[:] = 0
     _advance(w, s, sensors, spiked, STEPS)
     return classify(spiked[w.neurons - 2], spiked[w.neurons - 1], w.high_count)
+
+
+@kernel
+def timestep(w: Wiring, s: ControllerState, sensors: FloatArray, spiked: IntArray) -> int:
+    """21 steps; `spiked` (neuron,) becomes the spike counts. Returns the action."""
+    return inlined_timestep(w, s, sensors, spiked)

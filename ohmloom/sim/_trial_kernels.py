@@ -32,7 +32,7 @@ def _timestep(wiring: Any, controller: Any, sensors: FloatArray, counts: IntArra
 
 
 def _timestep_discrete(wiring: Any, controller: Any, sensors: FloatArray, counts: IntArray) -> int:
-    return discrete.timestep(wiring, controller, sensors, counts)
+    return discrete.inlined_timestep(wiring, controller, sensors, counts)
 
 
 def _timestep_emulated(wiring: Any, controller: Any, sensors: FloatArray, counts: IntArray) -> int:
