@@ -30,7 +30,8 @@ M = TypeVar("M", bound=pydantic.BaseModel)
 TEXT_LIMIT = 16_000_000  # bytes; ours are far smaller
 DEPTH_LIMIT = 64  # levels of nesting; ours have five
 WRITES = 5  # of a file whose temporary others remove
-# What zipfile raises for a damaged archive; the last two for an unknown compression, and for one that is encrypted.
+# What zipfile raises for an archive that it cannot read: no archive, damaged data, cut short, a compression that it
+# does not know, an encrypted entry (for which it has no narrower class).
 DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
 # tomllib takes a time that grows with the cube of a dotted key's length, so long ones are refused unread.
 _LONG_KEY = re.compile(r"""(?m)(?:^|[\[{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){64}""")

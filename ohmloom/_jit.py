@@ -104,6 +104,17 @@ def inlined_kernel(function: F) -> F:
     return compiled
 
 
+def _overload_as(like: Callable[..., Any], function: Callable[..., Any], **options: Any) -> Callable[[Any], Any]:
+    """numba's `overload` of `function` for a choice that takes any arguments: it gets the signature of `like`."""
+
+    def register(choose: Any) -> Any:
+        # numba wants the very signature, annotations included; inspect reads it from this attribute.
+        choose.__signature__ = inspect.signature(like)
+        return _overload(function, **options)(choose)
+
+    return register
+
+
 def make_callable(function: Callable[..., Any], compiled_form: Callable[..., Any] | None = None) -> None:
     """Let kernels call a plain function, as it stands or in another form; called from Python it stays as it is."""
     if not COMPILED:
@@ -115,10 +126,7 @@ def make_callable(function: Callable[..., Any], compiled_form: Callable[..., Any
     def choose(*arguments: Any) -> Any:
         return compiled_form
 
-    # numba wants the signature of what it compiles, annotations included; inspect reads it from this attribute, which
-    # functions do not have for a type checker.
-    choose.__signature__ = inspect.signature(compiled_form)  # type: ignore[attr-defined]
-    _overload(function)(choose)
+    _overload_as(compiled_form, function)(choose)
 
 
 def choose_by_type(function: Callable[..., Any], forms: dict[type, Callable[..., Any]]) -> None:
@@ -134,9 +142,7 @@ def choose_by_type(function: Callable[..., Any], forms: dict[type, Callable[...,
     def choose(*arguments: Any) -> Any:
         return forms[arguments[0].instance_class]
 
-    # As in `make_callable`.
-    choose.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]
-    _overload(function, jit_options={"forceinline": True})(choose)
+    _overload_as(function, function, jit_options={"forceinline": True})(choose)
 
 
 def closure_kernel(tag: str, *, is_large: bool = False) -> Callable[[F], F]:

@@ -57,8 +57,7 @@ class RobotState(NamedTuple):
     """What changes during a trial."""
 
     pose: np.ndarray  # [x, y, heading]
-    # The field hides the method tuple.count, which nothing here calls.
-    count: np.ndarray  # type: ignore[assignment]  # [st, bumps, part, executed timesteps, done]
+    counts: np.ndarray  # [st, bumps, part, executed timesteps, done]
     best: np.ndarray  # [best fitness]
 
 
@@ -114,7 +113,7 @@ def sense(world: World, state: RobotState, key: np.uint64, sensors: FloatArray) 
         lit = max(0.0, cosine) * world.lamp_power / (4.0 * math.pi * square) / world.light_saturation
         sensors[3 + k] = min(1.0, lit)
     if world.dynamic:
-        _add_noise(world, state.count[3], key, sensors)
+        _add_noise(world, state.counts[3], key, sensors)
 
 
 @kernel
@@ -150,7 +149,7 @@ def move(world: World, state: RobotState, key: np.uint64, action: int) -> None:
     elif action == RIGHT:
         right *= 0.5
     if world.dynamic:
-        words = philox(key, state.count[3], SLIP)
+        words = philox(key, state.counts[3], SLIP)
         u_left, u_right = uniform(words[0]), uniform(words[1])
         if world.slip_mode == SLIP_STALL:
             left = 0.0 if u_left < world.slip else left
@@ -166,8 +165,8 @@ def move(world: World, state: RobotState, key: np.uint64, action: int) -> None:
         chord *= math.sin(half) / half
     new_x = x + chord * math.cos(heading + half)
     new_y = y + chord * math.sin(heading + half)
-    state.count[0] += 1
-    state.count[3] += 1
+    state.counts[0] += 1
+    state.counts[3] += 1
     if touches(world, new_x, new_y):
         _back_off(world, state)
     else:
@@ -190,8 +189,8 @@ def _back_off(world: World, state: RobotState) -> None:
         if touches(world, x, y):
             break
         state.pose[0], state.pose[1] = x, y
-    state.count[0] += world.bump_cost
-    state.count[1] += 1
+    state.counts[0] += world.bump_cost
+    state.counts[1] += 1
 
 
 @kernel
@@ -210,29 +209,29 @@ def place(world: World, state: RobotState, key: np.uint64) -> None:
 @kernel
 def begin(world: World, state: RobotState, key: np.uint64) -> None:
     place(world, state, key)
-    state.count[:] = 0
+    state.counts[:] = 0
     state.best[0] = FITNESS_FLOOR
 
 
 @kernel
 def judge(world: World, state: RobotState, key: np.uint64) -> None:
     """Reward at the end of a timestep (eq. 14; Section XII for the dynamic task)."""
-    x, y, st = state.pose[0], state.pose[1], state.count[0]
+    x, y, st = state.pose[0], state.pose[1], state.counts[0]
     if not world.dynamic:
         if x + y >= world.goal:
             state.best[0] = max(state.best[0], FITNESS_CAP + GOAL_BONUS - st)
-            state.count[2] = 1
-            state.count[4] = 1
+            state.counts[2] = 1
+            state.counts[4] = 1
         else:
             state.best[0] = max(state.best[0], min(FITNESS_CAP, 1000.0 / (world.goal - (x + y))) - st)
-    elif state.count[2] == 0 and x + y >= world.goal:
+    elif state.counts[2] == 0 and x + y >= world.goal:
         state.best[0] = 1.0
-        state.count[2] = 1
+        state.counts[2] = 1
         if world.restart_second_part:
             place(world, state, key)
-    elif state.count[2] == 1 and y - x >= world.goal:
+    elif state.counts[2] == 1 and y - x >= world.goal:
         state.best[0] = 2.0
-        state.count[2] = 2
-        state.count[4] = 1
+        state.counts[2] = 2
+        state.counts[4] = 1
     if st >= world.max_timesteps:
-        state.count[4] = 1
+        state.counts[4] = 1

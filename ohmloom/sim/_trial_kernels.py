@@ -65,7 +65,7 @@ def run(
         copy_flat(path[0], robot.pose)
         st[0] = 0
     rows = path.shape[0] - 1
-    while robot.count[4] == 0 and not (record and executed >= rows):
+    while robot.counts[4] == 0 and not (record and executed >= rows):
         sense(world, robot, key, sensors)
         action = _timestep(wiring, controller, sensors, counts)
         if action_delay:
@@ -78,6 +78,6 @@ def run(
             spikes[executed, 0] = counts[counts.shape[0] - 2]
             spikes[executed, 1] = counts[counts.shape[0] - 1]
             copy_flat(path[executed + 1], robot.pose)
-            st[executed + 1] = robot.count[0]
+            st[executed + 1] = robot.counts[0]
         executed += 1
     return executed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -163,8 +163,8 @@ class _DieUnit:
             yield row | vars(emulated.ledger), trial
 
 
-def _from_row(die: int, row: dict[str, float]) -> tuple[DieOutcome, Ledger]:
-    ledger = Ledger(**{f.name: row[f.name] for f in fields(Ledger)})  # type: ignore[arg-type]  # a report says float of every number; counts arrive as the ints that they were
+def _from_row(die: int, row: Mapping[str, Any]) -> tuple[DieOutcome, Ledger]:
+    ledger = Ledger(**{f.name: row[f.name] for f in fields(Ledger)})
     outcome = DieOutcome(
         die=die, start=int(row["start"]), trial_key=int(row["trial_key"]), ideal=bool(row["ideal"]),
         hardware=bool(row["hardware"]), lost=ledger.lost, spurious=ledger.spurious, most_pulses=ledger.most_pulses,

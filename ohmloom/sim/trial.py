@@ -251,12 +251,12 @@ def _new_robot() -> Any:
 
 
 def _is_solved(arena: Arena, robot: Any) -> bool:
-    return bool(robot.count[2] == (2 if arena.task == "dynamic" else 1))
+    return bool(robot.counts[2] == (2 if arena.task == "dynamic" else 1))
 
 
 def _fitness(arena: Arena, robot: Any) -> float:
     # The floor above 0 is a matter of eq. 14; the dynamic task counts rewards.
-    return float(robot.count[2]) if arena.task == "dynamic" else float(robot.best[0])
+    return float(robot.counts[2]) if arena.task == "dynamic" else float(robot.best[0])
 
 
 def _run_compiled(arguments: Any, arena: Arena, key: int, action_delay: int) -> Trial:
@@ -310,7 +310,7 @@ class _OwnArena:
         return pose
 
     def score(self) -> Score:
-        count = self._robot.count
+        count = self._robot.counts
         return Score(st=int(count[0]), bumps=int(count[1]), fitness=_fitness(self._arena, self._robot),
                      solved=_is_solved(self._arena, self._robot), done=bool(count[4]))  # fmt: skip
 

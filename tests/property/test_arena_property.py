@@ -70,10 +70,10 @@ def test_no_wall_is_a_trap(x, y, heading, actions):
     robot = robot_at(x, y, heading)
     contacts = 0
     for action in [*actions, *[FORWARD] * 800]:
-        bumps = robot.count[1]
+        bumps = robot.counts[1]
         contact = robot.pose.copy()
         move(WORLD, robot, np.uint64(0), action)
-        if robot.count[1] > bumps:
+        if robot.counts[1] > bumps:
             contacts += 1
             here = robot.pose.copy()
             away = any(leads_away(here, turn, count) for count in range(0, 171, 10) for turn in (LEFT, RIGHT))

@@ -74,7 +74,7 @@ def test_turns_have_a_radius_of_78_mm(action, side):
 def test_a_bump_undoes_the_move_backs_off_10_cm_and_costs_10():
     robot = go(robot_at(-0.5, 0.967, 90), FORWARD)
     assert robot.pose.tolist() == pytest.approx([-0.5, 0.867, math.pi / 2], abs=1e-14)
-    assert robot.count.tolist() == [11, 1, 0, 1, 0]
+    assert robot.counts.tolist() == [11, 1, 0, 1, 0]
 
 
 def test_a_bump_while_turning_keeps_the_heading():
@@ -86,7 +86,7 @@ def test_backing_off_goes_as_far_as_it_is_free():
     # Between box and wall only y in 0.932 to 0.968 is free here: three pieces of 1 cm.
     robot = go(robot_at(0.0, 0.967, 90), FORWARD, ARENA.replace(box_half_width=0.9))
     assert robot.pose[:2].tolist() == pytest.approx([0.0, 0.937], abs=1e-14)
-    assert robot.count.tolist() == [11, 1, 0, 1, 0]
+    assert robot.counts.tolist() == [11, 1, 0, 1, 0]
 
 
 @pytest.mark.parametrize(("x", "y", "expected"), [
@@ -100,7 +100,7 @@ def test_touching(x, y, expected):
 
 
 def test_one_move_costs_one_timestep():
-    assert go(robot_at(-0.7, -0.7, 90), FORWARD, times=5).count.tolist() == [5, 0, 0, 5, 0]
+    assert go(robot_at(-0.7, -0.7, 90), FORWARD, times=5).counts.tolist() == [5, 0, 0, 5, 0]
 
 
 def wheels(arena, timesteps):
@@ -108,7 +108,7 @@ def wheels(arena, timesteps):
     world, found = arena.world(), []
     for t in range(timesteps):
         robot = robot_at(-0.7, -0.7, 0)
-        robot.count[3] = t
+        robot.counts[3] = t
         move(world, robot, np.uint64(99), FORWARD)
         turn = robot.pose[2]
         way = math.hypot(robot.pose[0] + 0.7, robot.pose[1] + 0.7)
@@ -161,7 +161,7 @@ def test_starts_are_uniform_in_the_corner_and_face_north():
 
 def judged(arena, x, y, st, *, part=0, best=1e-6):
     robot = robot_at(x, y, 0)
-    robot.count[0], robot.count[2], robot.best[0] = st, part, best
+    robot.counts[0], robot.counts[2], robot.best[0] = st, part, best
     judge(arena.world(), robot, np.uint64(5))
     return robot
 
@@ -180,23 +180,23 @@ def test_the_best_fitness_is_kept():
 
 
 def test_a_trial_ends_at_the_goal_or_at_4000():
-    assert judged(ARENA, 0.0, 0.0, 3999).count[4] == 0
-    assert judged(ARENA, 0.0, 0.0, 4000).count.tolist() == [4000, 0, 0, 0, 1]
-    assert judged(ARENA, 0.0, 0.0, 4009).count[4] == 1
-    assert judged(ARENA, 0.65, 0.96, 10).count.tolist() == [10, 0, 1, 0, 1]
+    assert judged(ARENA, 0.0, 0.0, 3999).counts[4] == 0
+    assert judged(ARENA, 0.0, 0.0, 4000).counts.tolist() == [4000, 0, 0, 0, 1]
+    assert judged(ARENA, 0.0, 0.0, 4009).counts[4] == 1
+    assert judged(ARENA, 0.65, 0.96, 10).counts.tolist() == [10, 0, 1, 0, 1]
 
 
 def test_the_dynamic_task_has_two_parts():
     first = judged(DYNAMIC, 0.65, 0.96, 10)
-    assert (first.best[0], first.count.tolist()) == (1.0, [10, 0, 1, 0, 0])
+    assert (first.best[0], first.counts.tolist()) == (1.0, [10, 0, 1, 0, 0])
     assert first.pose.tolist() == [0.65, 0.96, 0.0]  # goes on from there
     again = judged(DYNAMIC, 0.65, 0.96, 20, part=1, best=1.0)
-    assert (again.best[0], again.count[2], again.count[4]) == (1.0, 1, 0)
+    assert (again.best[0], again.counts[2], again.counts[4]) == (1.0, 1, 0)
     second = judged(DYNAMIC, -0.65, 0.96, 30, part=1, best=1.0)
-    assert (second.best[0], second.count[2], second.count[4]) == (2.0, 2, 1)
+    assert (second.best[0], second.counts[2], second.counts[4]) == (2.0, 2, 1)
     early = judged(DYNAMIC, -0.65, 0.96, 30)
-    assert (early.count[2], early.count[4]) == (0, 0)
-    assert judged(DYNAMIC, 0.0, 0.5, 4000, part=1, best=1.0).count.tolist() == [4000, 0, 1, 0, 1]
+    assert (early.counts[2], early.counts[4]) == (0, 0)
+    assert judged(DYNAMIC, 0.0, 0.5, 4000, part=1, best=1.0).counts.tolist() == [4000, 0, 1, 0, 1]
 
 
 def test_the_second_part_may_begin_at_the_start():

@@ -19,7 +19,7 @@ def robot_at(x, y, degrees):
 
 def read(x, y, degrees, arena=ARENA, *, key=0, timestep=0):
     robot = robot_at(x, y, degrees)
-    robot.count[3] = timestep
+    robot.counts[3] = timestep
     sensors = np.full(6, np.nan)
     sense(arena.world(), robot, np.uint64(key), sensors)
     return sensors
