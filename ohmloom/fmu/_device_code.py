@@ -102,7 +102,7 @@ _MODEL = """/*
  */
 #include "law.c"
 
-enum { N_P = @n_p@, N_U = 1, N_X = 1, N_Y = 3, N_C = 2 };
+enum { N_P = @n_p@, N_U = 1, N_X = 1, N_LIMITED = 1, N_Y = 3, N_C = 2 };
 
 @variables@
 

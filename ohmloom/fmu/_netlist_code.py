@@ -1,15 +1,26 @@
-"""A netlist of resistors, memristors and sources for an FMU: nodes merged, numbered into a band, and described."""
+"""A netlist for an FMU: nodes merged, numbered into a band, and described."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ohmloom.circuits.elements import GROUND, VCCS, VCVS, CurrentSource, Memristor, Resistor, Simple, VoltageSource
+from ohmloom.circuits._topology import capacitor_tree
+from ohmloom.circuits.elements import (
+    GROUND,
+    VCCS,
+    VCVS,
+    Capacitor,
+    CurrentSource,
+    Memristor,
+    Resistor,
+    Simple,
+    VoltageSource,
+)
 from ohmloom.circuits.waveforms import Waveform
 from ohmloom.devices import LAWS, Device
 from ohmloom.devices._checks import LARGEST_VOLTAGE
@@ -27,14 +38,16 @@ class Circuit:
     Attributes
     ----------
     places
-        Number of each node by name: the free ones first, ground, then one for each voltage source.
+        Number of each node by name: the free ones first, ground, then one for each voltage source and each capacitor.
     free, band
         Number of free nodes, and of the matrix's diagonals below the main one.
-    sources, signs
-        Voltage sources, and +1 or -1 for those whose p or n is not ground.
+    sources, capacitors, signs
+        Those that hold a voltage; and of both -1 for those with p at ground, else +1.
+    charging
+        Of each capacitor, kind and place of its current, as an output has them.
     branches
-        Number of the current of each voltage source that is controlled or stands between two nodes; it counts as that
-        of a free node.
+        Number of the current of each voltage source that is controlled, and of each source or capacitor that stands
+        between two nodes; it counts as that of a free node.
     links
         ``(to, from, share)`` of what these sources add: see netlist.c.
     """
@@ -43,6 +56,7 @@ class Circuit:
     free: int
     band: int
     sources: tuple[VoltageSource, ...]
+    capacitors: tuple[Capacitor, ...]
     signs: tuple[float, ...]
     currents: tuple[CurrentSource, ...]
     resistors: tuple[Resistor, ...]
@@ -50,17 +64,29 @@ class Circuit:
     cards: tuple[Device, ...]
     branches: dict[str, int]
     links: tuple[tuple[int, int, float], ...]
+    charging: tuple[tuple[str, int], ...]
     is_crossbar: bool
 
+    @property
+    def holders(self) -> tuple[VoltageSource | Capacitor, ...]:
+        """Sources and capacitors, in the order in which they hold places."""
+        return (*self.sources, *self.capacitors)
 
-def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_crossbar: bool) -> Circuit:
+
+def analyse(where: str, elements: Sequence[Simple], nodes: Iterable[str], *, is_crossbar: bool) -> Circuit:
     """Merge nodes that nothing parts, tell free from held ones, and number them.
 
     Raises
     ------
     ParameterError
-        If there is an element of another kind.
+        If there is no memristor, or a capacitor whose voltage others set.
     """
+    capacitors, set_by_others = capacitor_tree(elements)
+    if set_by_others:
+        name, path = next(iter(set_by_others.items()))
+        names = ", ".join([*(branch.element.name for branch in path), name])
+        raise ParameterError(f"{where}: {name}: expected no loop of capacitors and voltage sources, got {names}. Put a "
+                             "resistance into it, or make one of parallel capacitors.")  # fmt: skip
     merged = {node: node for node in (GROUND, *nodes)}
 
     def root(node: str) -> str:
@@ -68,12 +94,7 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
             node = merged[node]
         return node
 
-    kinds = (Resistor, Memristor, VoltageSource, CurrentSource, VCVS, VCCS)
-    elements = list(elements)
     for element in elements:
-        if not isinstance(element, kinds):
-            raise ParameterError(f"{where}: {element.name}: expected resistors, memristors and sources, got a "
-                                 f"{type(element).__name__}. Leave it out, or simulate the netlist here.")  # fmt: skip
         if isinstance(element, Resistor) and element.resistance == 0.0:
             a, b = root(element.p), root(element.n)
             # Ground stays the name of what is joined to it.
@@ -83,10 +104,11 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
         sources = tuple(sorted(sources, key=lambda source: source.name[0] != "V"))  # rows before columns
     held: dict[str, int] = {}
     signs = []
-    for source in sources:
-        p, n = root(source.p), root(source.n)
+    holders: tuple[VoltageSource | Capacitor, ...] = (*sources, *capacitors)
+    for holder in holders:
+        p, n = root(holder.p), root(holder.n)
         # One that stands between two nodes holds a place of its own, which a source of gain 1 follows.
-        held[f"{source.name}:" if GROUND not in (p, n) else p if n == GROUND else n] = len(held)
+        held[f"{holder.name}:" if GROUND not in (p, n) else p if n == GROUND else n] = len(held)
         signs.append(-1.0 if p == GROUND else 1.0)
     branches, links = _links(elements, root)
     free = list(dict.fromkeys(r for r in map(root, nodes) if r != GROUND and r not in held)) + branches
@@ -98,11 +120,15 @@ def analyse(where: str, elements: Iterable[Simple], nodes: Iterable[str], *, is_
     order, band = (free, 0) if links else _band(free, pairs)
     number_of = {node: k for k, node in enumerate(order)} | {GROUND: len(free)}
     number_of |= {node: len(free) + 1 + k for node, k in held.items()}
+    currents = {branch.removesuffix("#"): number_of[branch] for branch in branches}
     return Circuit(
         places={node: number_of[root(node)] for node in merged}, free=len(free), band=band, sources=sources,
-        signs=tuple(signs), currents=tuple(e for e in elements if isinstance(e, CurrentSource)), resistors=resistors,
+        capacitors=tuple(capacitors), signs=tuple(signs),
+        currents=tuple(e for e in elements if isinstance(e, CurrentSource)), resistors=resistors,
         memristors=memristors, cards=tuple(dict.fromkeys(m.device for m in memristors)), is_crossbar=is_crossbar,
-        branches={branch.removesuffix("#"): number_of[branch] for branch in branches},
+        branches=currents,
+        charging=tuple(("POTENTIAL", currents[c.name]) if c.name in currents else ("HELD", len(sources) + k)
+                       for k, c in enumerate(capacitors)),
         links=tuple((number_of[to], number_of[of], share) for to, of, share in links),
     )  # fmt: skip
 
@@ -119,7 +145,7 @@ def _links(elements: Iterable[Simple], root: Any) -> tuple[list[str], list[tuple
             p, n, g = root(e.p), root(e.n), e.transconductance
             ends = ((root(e.control_p), 1.0), (root(e.control_n), -1.0))
             links += [(to, of, out * sign * g) for to, out in ((p, -1.0), (n, 1.0)) for of, sign in ends]
-        elif isinstance(e, VCVS) or (isinstance(e, VoltageSource) and GROUND not in (root(e.p), root(e.n))):
+        elif isinstance(e, VCVS) or (isinstance(e, VoltageSource | Capacitor) and GROUND not in (root(e.p), root(e.n))):
             p, n, current = root(e.p), root(e.n), f"{e.name}#"
             branches.append(current)
             links += [(p, current, -1.0), (n, current, 1.0), (current, p, 1.0), (current, n, -1.0)]
@@ -173,7 +199,8 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
     inputs, suffixes, named = names_of(circuit)
     charges = [named("q", suffix) for suffix in suffixes]
     scales = [m.device.charge_scale for m in circuit.memristors]
-    needs = _needs(circuit, inputs, charges)
+    voltages = [f"voltage.{_structured(c.name)}" for c in circuit.capacitors]
+    needs = _needs(circuit, inputs, charges, voltages)
 
     def output(name: str, unit: str, doc: str, kind: str, place: int, parts: Iterable[int]) -> tuple[Variable, Any]:
         variable = Variable(name=name, kind="output", unit=unit, doc=doc, dependencies=needs(parts),
@@ -192,21 +219,25 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
             if node != GROUND:
                 outputs.append(output(f"v.{_structured(node)}", "V", "potential against ground", "POTENTIAL", place,
                                       [place]))  # fmt: skip
-        told = "current from p through the source to n"
-        for k, source in enumerate(circuit.sources):
-            if source.name not in circuit.branches:
-                outputs.append(output(f"i.{_structured(source.name)}", "A", told, "SOURCE", k, [free + 1 + k]))
+        told = "current from p to n"
+        for k, holder in enumerate(circuit.holders):
+            if holder.name not in circuit.branches:
+                outputs.append(output(f"i.{_structured(holder.name)}", "A", told, "HELD", k, [free + 1 + k]))
         for branch, place in circuit.branches.items():
             outputs.append(output(f"i.{_structured(branch)}", "A", told, "POTENTIAL", place, [place]))
         for k, (m, suffix) in enumerate(zip(circuit.memristors, suffixes, strict=True)):
             ends = [circuit.places[m.p], circuit.places[m.n]]
-            outputs.append(output(named("i", suffix), "A", "current from p to n", "CURRENT", k, ends))
+            outputs.append(output(named("i", suffix), "A", told, "CURRENT", k, ends))
     values = [(source.voltage, "V", LARGEST_VOLTAGE) for source in circuit.sources]
     values += [(source.current, "A", LARGEST_CURRENT) for source in circuit.currents]
     variables: list[Variable] = list(_parameters(circuit))
     for suffix, m, q_d in zip(suffixes, circuit.memristors, scales, strict=True):
         variables.append(Variable(name=named("q0", suffix), kind="start", unit="C", doc="charge at the start",
                                   start=m.s0 * q_d, low=0.0, high=1e300))  # fmt: skip
+    at_start = [name.replace("voltage.", "voltage0.", 1) for name in voltages]
+    for name_, c in zip(at_start, circuit.capacitors, strict=True):
+        variables.append(Variable(name=name_, kind="start", unit="V", doc="of p above n at the start", start=c.initial,
+                                  low=-LARGEST_VOLTAGE, high=LARGEST_VOLTAGE))  # fmt: skip
     for name_, (waveform, unit, limit) in zip(inputs, values, strict=True):
         assert isinstance(waveform, Waveform)
         variables.append(Variable(name=name_, kind="input", unit=unit, doc="of a source, held over a step",
@@ -215,10 +246,17 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
     for q, q0, q_d in zip(charges, starts, scales, strict=True):
         variables.append(Variable(name=q, kind="state", unit="C", doc="state charge, from 0 to q_d", nominal=q_d,
                                   dependencies=(q,), initial_dependencies=(q0,)))  # fmt: skip
+    for v, v0 in zip(voltages, at_start, strict=True):
+        variables.append(Variable(name=v, kind="state", unit="V", doc="of p above n", nominal=1.0, dependencies=(v,),
+                                  initial_dependencies=(v0,)))  # fmt: skip
     own = [needs([circuit.places[m.p], circuit.places[m.n]], k) for k, m in enumerate(circuit.memristors)]
     for q, need in zip(charges, own, strict=True):
         variables.append(Variable(name=f"der({q})", kind="rate", unit="A", doc="0 where q rests at a limit", state=q,
                                   dependencies=need, initial_dependencies=None))  # fmt: skip
+    for v, (kind, place) in zip(voltages, circuit.charging, strict=True):
+        at = free + 1 + place if kind == "HELD" else place
+        variables.append(Variable(name=f"der({v})", kind="rate", unit="V/s", doc="current over capacitance", state=v,
+                                  dependencies=needs([at]), initial_dependencies=None))  # fmt: skip
     variables += [variable for variable, _ in outputs]
     for suffix, need in zip(suffixes, own, strict=True):
         for kind in ("q_above_low", "q_below_high"):
@@ -261,7 +299,7 @@ def _parameters(circuit: Circuit) -> Iterable[Variable]:
                            start=card.parameters[p.name], low=p.lower, high=p.upper)  # fmt: skip
 
 
-def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
+def _needs(circuit: Circuit, inputs: list[str], charges: list[str], voltages: list[str]) -> Any:
     """A function from nodes to what their potentials and currents depend on; None where that is everything.
 
     Free nodes that elements join share all that any of them touches; a held node passes nothing on.
@@ -281,6 +319,7 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
         if p < circuit.free and n < circuit.free:
             group[find(p)] = find(n)
     first = circuit.free + 1
+    held_by = [*inputs[: len(circuit.sources)], *voltages]
     touches: dict[int, set[str]] = {}
     at_held: dict[int, set[int]] = {}  # groups and, below 0, lone elements between held nodes
     lone: dict[int, set[str]] = {}
@@ -289,13 +328,13 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
         groups = {find(k) for k in (p, n) if k < circuit.free}
         held = {k for k in (p, n) if k >= first}
         for g in groups:
-            touches.setdefault(g, set()).update(inputs[k - first] for k in held)
+            touches.setdefault(g, set()).update(held_by[k - first] for k in held)
             if name is not None:
                 touches[g].add(name)
         for k in held:
             at_held.setdefault(k, set()).update(groups)
             lone.setdefault(k, set()).update(
-                {inputs[j - first] for j in held} | ({name} if name and not groups else set())
+                {held_by[j - first] for j in held} | ({name} if name and not groups else set())
             )
 
     for resistor in circuit.resistors:
@@ -306,7 +345,7 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
         join(circuit.places[source.p], circuit.places[source.n], name)
     for to, of, _ in circuit.links:
         join(to, of, None)
-    everything = len(inputs) + len(charges)
+    everything = len(inputs) + len(charges) + len(voltages)
 
     def needs(places: Iterable[int], device: int | None = None) -> tuple[str, ...] | None:
         found: set[str] = set() if device is None else {charges[device]}
@@ -314,7 +353,7 @@ def _needs(circuit: Circuit, inputs: list[str], charges: list[str]) -> Any:
             if k < circuit.free:
                 found |= touches.get(find(k), set())
             elif k >= first:
-                found.add(inputs[k - first])
+                found.add(held_by[k - first])
                 # The current into a held node is that of all that touches it; a device has its own.
                 if device is None:
                     found |= lone.get(k, set()).union(*(touches.get(g, set()) for g in at_held.get(k, set())))

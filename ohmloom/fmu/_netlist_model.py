@@ -49,19 +49,23 @@ def netlist_model(circuit: Circuit, description: Description, outputs: list[tupl
         array("int", "device_kind", kinds),
         *nodes("resistor", circuit.resistors),
         array("double", "resistor_g", [1.0 / e.resistance for e in circuit.resistors], "conductances in S"),
-        array("double", "source_sign", circuit.signs, "-1 where a voltage source has its p at ground"),
+        array("double", "held_sign", circuit.signs, "of voltage sources, then capacitors: -1 with p at ground"),
+        array("double", "capacitance", [e.capacitance for e in circuit.capacitors], "F"),
         *nodes("current", circuit.currents),
         array("int", "link_to", [to for to, _, _ in circuit.links], "of sources that are controlled or float"),
         array("int", "link_from", [of for _, of, _ in circuit.links]),
         array("double", "link_share", [float(share) for _, _, share in circuit.links]),
-        "enum { POTENTIAL, SOURCE, SENSE, CURRENT }; /* kinds of output, and what a place then numbers: nodes, "
-        "sources, sources, devices */",
+        "enum { POTENTIAL, HELD, SENSE, CURRENT }; /* kinds of output, and what a place then numbers: nodes, "
+        "sources and capacitors, sources, devices */",
         array("int", "output_kind", [kind for kind, _ in outputs]),
         array("int", "output_place", [place for _, place in outputs]),
+        array("int", "capacitor_kind", [kind for kind, _ in circuit.charging], "where its current stands, likewise"),
+        array("int", "capacitor_place", [place for _, place in circuit.charging]),
     ]
     values = {
-        "n_p": sum(widths) + count, "q0": sum(widths), "n_u": len(circuit.sources) + len(circuit.currents),
-        "n_x": count,
+        "n_p": sum(widths) + count + len(circuit.capacitors), "q0": sum(widths),
+        "n_u": len(circuit.sources) + len(circuit.currents), "n_x": count + len(circuit.capacitors), "devices": count,
+        "capacitors": len(circuit.capacitors),
         "n_y": len(outputs), "n_c": len(cards), "free": circuit.free, "band": circuit.band,
         "sources": len(circuit.sources), "currents": len(circuit.currents), "resistors": len(circuit.resistors),
         "links": len(circuit.links), "general": int(bool(circuit.links)),
@@ -80,14 +84,14 @@ def is_ohmic(card: Device) -> bool:
 
 
 _MODEL = """/*
- * A circuit: sources in; charges, potentials and currents out. p: the cards' parameters, then the charges at the start;
- * c: the charge scale of each card.
+ * A circuit: sources in; charges, potentials and currents out. p: the cards' parameters, then the charges and the
+ * capacitors' voltages at the start; c: the charge scale of each card.
  */
 #include "law.c"
 
-enum { N_P = @n_p@, N_U = @n_u@, N_X = @n_x@, N_Y = @n_y@, N_C = @n_c@, FIRST_Q0 = @q0@ };
-enum { N_FREE = @free@, BAND = @band@, N_SOURCES = @sources@, N_CURRENTS = @currents@, N_DEVICES = N_X,
-       N_RESISTORS = @resistors@, N_LINKS = @links@, IS_OHMIC = @ohmic@ };
+enum { N_P = @n_p@, N_U = @n_u@, N_X = @n_x@, N_LIMITED = @devices@, N_Y = @n_y@, N_C = @n_c@, FIRST_Q0 = @q0@ };
+enum { N_FREE = @free@, BAND = @band@, N_SOURCES = @sources@, N_CURRENTS = @currents@, N_DEVICES = @devices@,
+       N_CAPACITORS = @capacitors@, N_RESISTORS = @resistors@, N_LINKS = @links@, IS_OHMIC = @ohmic@ };
 #define IS_GENERAL @general@
 
 @tables@
@@ -103,7 +107,7 @@ static const char *model_check(const double *p)
     int k;
 @checks@
 @constants@
-    for (k = 0; k < N_X; k++)
+    for (k = 0; k < N_DEVICES; k++)
         if (p[FIRST_Q0 + k] > c[device_kind[k]] * (1.0 + 1e-12)) /* but for rounding */
             return "charge at the start: expected at most the charge q_d at which the state is 1";
     return NULL;
@@ -119,8 +123,8 @@ static void model_limits(const double *p, const double *c, double *low, double *
     int k;
     (void)p;
     for (k = 0; k < N_X; k++) {
-        low[k] = 0.0;
-        high[k] = c[device_kind[k]];
+        low[k] = k < N_DEVICES ? 0.0 : -INFINITY;
+        high[k] = k < N_DEVICES ? c[device_kind[k]] : INFINITY;
     }
 }
 
@@ -128,7 +132,7 @@ static void model_start(const double *p, const double *c, double *x)
 {
     int k;
     for (k = 0; k < N_X; k++)
-        x[k] = fmin(p[FIRST_Q0 + k], c[device_kind[k]]);
+        x[k] = k < N_DEVICES ? fmin(p[FIRST_Q0 + k], c[device_kind[k]]) : p[FIRST_Q0 + k];
 }
 
 static void model_rates(const double *p, const double *c, const double *u, const double *x, double *rates)

@@ -1,4 +1,4 @@
-"""A crossbar of memristors, or any netlist of resistors, memristors and sources, as one flattened FMU."""
+"""A crossbar of memristors, or any netlist, as one flattened FMU."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmloom.circuits import MemristorCrossbar, Netlist, PulseTrain, memristor_netlist
 from ohmloom.circuits._topology import check_topology
-from ohmloom.circuits.elements import VCCS, VCVS, Resistor, VoltageSource
+from ohmloom.circuits.elements import VCCS, VCVS, Capacitor, Resistor, VoltageSource
 from ohmloom.devices.emit import identifier
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.fmu._compile import Platforms
@@ -36,9 +36,9 @@ def export_crossbar(
 
     The potentials of all nodes are solved for inside, so that no algebraic loop is left to a master. In: the voltage of
     each voltage source and the current of each current source; waveforms are left to the importer, and give the start
-    values. Out: the charge of each memristor, its state, which stops at 0 and at its q_d;
-    and of a netlist the node potentials and the currents of voltage sources and memristors. Parameters: those of the
-    cards, tunable, and the charges at the start.
+    values. Out: the charge of each memristor, its state, which stops at 0 and at its q_d; the voltage of each
+    capacitor, a state as well; and of a netlist the node potentials and the currents of voltage sources, capacitors and
+    memristors. Parameters: those of the cards, tunable, and charges and voltages at the start.
 
     A crossbar's inputs are ``v_row_I`` and ``v_column_J`` (what the sense holds, 0 by default), its outputs
     ``i_column_J``, positive into the sense, and ``q_I_J``.
@@ -46,8 +46,7 @@ def export_crossbar(
     Parameters
     ----------
     circuit
-        A crossbar, or a netlist of resistors, memristors and sources, controlled ones among them; one that
-        `memristor_netlist` made is a crossbar.
+        A crossbar, or a netlist; one that `memristor_netlist` made, without capacitors, is a crossbar.
     out, fmi, platforms
         As `export_device` has them.
     arrays
@@ -58,8 +57,8 @@ def export_crossbar(
     Raises
     ------
     ParameterError
-        If an option is none of these, `arrays` is asked of FMI 2.0 or of what is no crossbar, an element of another
-        kind, or a node floats.
+        If an option is none of these, `arrays` is asked of FMI 2.0 or of what is no crossbar, there is no memristor, a
+        node floats, or a loop of capacitors and voltage sources leaves one of them no voltage of its own.
     OperationError
         If the compiler fails, or the file cannot be written.
     """
@@ -67,12 +66,13 @@ def export_crossbar(
     expect_type(f"{where}: circuit", circuit, MemristorCrossbar, Netlist)
     path = check_options(where, out, fmi, platforms, arrays=arrays)
     netlist = _written_out(circuit) if isinstance(circuit, MemristorCrossbar) else circuit
-    check_topology(netlist.flat, is_dc=True)
+    check_topology(netlist.flat, is_dc=False)
     sources = [e for e in netlist.flat if isinstance(e, VoltageSource)]
     is_crossbar = netlist.name == "crossbar" and all(re.fullmatch(r"[VH]_\d+", source.name) for source in sources)
-    if any(isinstance(e, VCVS | VCCS) for e in netlist.flat):
-        netlist.dc()  # which names the sources that leave no or more than one solution
+    is_crossbar = is_crossbar and not any(isinstance(e, Capacitor) for e in netlist.flat)
     found = analyse(where, netlist.flat, netlist.nodes, is_crossbar=is_crossbar)
+    if any(isinstance(e, VCVS | VCCS) for e in netlist.flat):
+        _charged(netlist).dc()  # which names the sources that leave no or more than one solution
     description, outputs = netlist_description(netlist.name, identifier(netlist.name), found)
     if arrays:
         if not is_crossbar:
@@ -85,8 +85,8 @@ def export_crossbar(
         "netlist.c": runtime_file("netlist.c"),
     }
     paragraphs = [
-        f"{len(found.memristors)} memristors, {len(found.resistors)} resistors, {len(found.sources)} voltage sources, "
-        f"{found.free} nodes whose potentials are solved for.",
+        f"{len(found.memristors)} memristors, {len(found.resistors)} resistors, {len(found.capacitors)} capacitors, "
+        f"{len(found.sources)} voltage sources, {found.free} nodes whose potentials are solved for.",
         "i = G(s, v) v and dq/dt = charge rate(s, v, i) for each memristor, s = q/q_d in [0, 1]; Kirchhoff's current "
         "law at each node. See sources/fmu.c, parts netlist.c and law.c.",
         *(f"Card {card.name}: {card.law}, {card.source} (sha256 {card.sha256})." for card in found.cards),
@@ -145,6 +145,14 @@ def choose_tile(plan: Plan, name: str | None) -> int:
     if len(found) > 1:
         raise ParameterError(f"tile: expected one of {listed}, got {name!r}, which is several. Name its number.")
     return found[0]
+
+
+def _charged(netlist: Netlist) -> Netlist:
+    """The circuit that is solved for at every moment: capacitors hold their voltages, as sources do."""
+    return Netlist(name=netlist.name, elements=tuple(
+        VoltageSource(name=e.name, p=e.p, n=e.n, voltage=e.initial) if isinstance(e, Capacitor) else e
+        for e in netlist.flat
+    ))  # fmt: skip
 
 
 def _written_out(array: MemristorCrossbar) -> Netlist:

@@ -315,8 +315,97 @@ def test_controlled_and_floating_sources_are_those_of_circuits(tmp_path, master,
         np.testing.assert_allclose(jacobian[:, column], (ends[0] - ends[1]) / 2e-5, rtol=1e-5, atol=1e-9)
 
 
+CHARGED = ("q.M1", "q.M2", "voltage.C1", "voltage.C2", "voltage.C3")
+
+
+@pytest.fixture(scope="module", params=[("hp_tio2_10k", 2), ("yakopcic_miao", 3)])
+def charged(request, tmp_path_factory):
+    """Capacitors to ground, either way round, and between two nodes; the second card is not ohmic."""
+    device = Device.load(request.param[0])
+    netlist = Netlist(name="filter", elements=(
+        VoltageSource(name="V1", p="in", n="0", voltage=0.6),
+        Memristor(name="M1", p="in", n="a", device=device, s0=0.4),
+        Capacitor(name="C1", p="0", n="a", capacitance=2e-5, initial=-0.05),
+        Resistor(name="R1", p="a", n="b", resistance=300.0),
+        Capacitor(name="C2", p="b", n="c", capacitance=1e-5, initial=0.02),
+        Memristor(name="M2", p="c", n="0", device=device, s0=0.6),
+        Capacitor(name="C3", p="c", n="d", capacitance=4e-6),
+        Resistor(name="R2", p="d", n="0", resistance=1e3),
+        VCCS(name="G1", p="d", n="0", control_p="a", control_n="c", transconductance=1e-5),
+    ))  # fmt: skip
+    file = tmp_path_factory.mktemp("charged") / "x.fmu"
+    return netlist, export_crossbar(netlist, file, fmi=request.param[1]).path, device
+
+
+def test_capacitors_are_those_of_circuits(charged):
+    netlist, file, device = charged
+    assert validate_fmu(str(file)) == []
+    t = np.linspace(0.0, 0.1, 11)
+    wanted = netlist.simulate(t=t)
+    found = fmpy.simulate_fmu(str(file), fmi_type="CoSimulation", stop_time=0.1, step_size=0.01, output_interval=0.01,
+                              relative_tolerance=1e-11)  # fmt: skip
+    for name in ("C1", "C2", "C3"):
+        ends = [next(getattr(e, end) for e in netlist.elements if e.name == name) for end in "pn"]
+        v_p, v_n = (np.zeros(len(t)) if end == "0" else wanted.v[end] for end in ends)
+        # What circuits integrates to.
+        np.testing.assert_allclose(found[f"voltage.{name}"], v_p - v_n, rtol=0, atol=1e-7)
+        assert np.ptp(v_p - v_n) > 1e-3
+    for node in "abcd":
+        np.testing.assert_allclose(found[f"v.{node}"], wanted.v[node], rtol=0, atol=1e-7)
+    for name in ("M1", "M2"):
+        np.testing.assert_allclose(found[f"q.{name}"] / device.charge_scale, wanted.s[name], rtol=0, atol=1e-7)
+    # From one end of a capacitor into it, and out of the other.
+    into_c3 = found["v.d"] / 1e3 + 1e-5 * (found["v.a"] - found["v.c"])
+    np.testing.assert_allclose(found["i.C3"], into_c3, rtol=1e-9, atol=1e-15)
+
+
+def test_every_client_runs_capacitors(charged):
+    found = check(charged[1])
+    assert found.passed, found.rows
+
+
+def test_derivatives_of_capacitors_are_those_of_differences(charged, master):
+    file = charged[1]
+    one = master(file)
+    unknowns = (*(f"der({x})" for x in CHARGED), "i.V1", "i.C1", "i.C2", "v.d")
+    knowns = ("voltage.V1", *CHARGED)
+    rows, columns = ([one.variables[n].valueReference for n in names] for names in (unknowns, knowns))
+    jacobian = np.array([one.fmu.getDirectionalDerivative(rows, [column], [1.0]) for column in columns]).T
+    if one.d.fmiVersion == "3.0":
+        adjoint = [one.fmu.getAdjointDerivative([row], columns, [1.0], len(columns)) for row in rows]
+        scale = np.fmax(np.abs(jacobian).max(axis=1, keepdims=True), 1e-300)  # a rate may be 0, below a threshold
+        np.testing.assert_allclose(adjoint / scale, jacobian / scale, rtol=1e-9, atol=1e-12)
+    for column, name in enumerate(knowns):
+        size = 1e-5 if "voltage" in name else 1e-5 * charged[2].charge_scale
+        at_start = name if name == "voltage.V1" else name.replace(".", "0.", 1)
+        ends = [np.array(master(file, **{at_start: one.get(name)[0] + sign * size}).get(*unknowns))
+                for sign in (1.0, -1.0)]  # fmt: skip
+        difference = (ends[0] - ends[1]) / (2.0 * size)
+        # Of the curvature, which the difference takes in, and of rounding.
+        np.testing.assert_allclose(jacobian[:, column], difference, rtol=1e-5, atol=1e-7 * np.abs(difference).max())
+
+
+def test_a_capacitor_in_series_charges_as_its_closed_form_says(tmp_path):
+    """A device that rests at its upper limit is a resistor; nothing but it and the capacitor sets the rate."""
+    r_on = 1.0 / HP.conductance(1.0)
+    netlist = Netlist(elements=(
+        VoltageSource(name="V1", p="in", n="0", voltage=0.6),
+        Memristor(name="M1", p="in", n="a", device=HP, s0=1.0),
+        Capacitor(name="C1", p="a", n="0", capacitance=0.05 / r_on),
+    ))  # fmt: skip
+    file = export_crossbar(netlist, tmp_path / "rc.fmu").path
+    for interface in ("CoSimulation", "ModelExchange"):
+        found = fmpy.simulate_fmu(str(file), fmi_type=interface, stop_time=0.1, step_size=0.01, output_interval=0.01,
+                                  relative_tolerance=1e-10)  # fmt: skip
+        v = 0.6 * (1.0 - np.exp(-found["time"] / 0.05))
+        np.testing.assert_allclose(found["v.a"], v, rtol=0, atol=1e-10 if interface == "CoSimulation" else 1e-6)
+
+
 @pytest.mark.parametrize(("elements", "text"), [
-    ([Capacitor(name="C1", p="a", n="0", capacitance=1.0)], "C1: expected resistors, memristors and sources, got"),
+    ([Capacitor(name="C1", p="a", n="0", capacitance=1.0), Capacitor(name="C2", p="0", n="a", capacitance=1.0)],
+     "C2: expected no loop of capacitors and voltage sources, got C1, C2. Put a resistance into it"),
+    ([Capacitor(name="C1", p="a", n="0", capacitance=1.0), VoltageSource(name="V1", p="a", n="0", voltage=1.0)],
+     "C1: expected no loop of capacitors and voltage sources, got V1, C1"),
     ([Resistor(name="R1", p="b", n="c", resistance=1.0)], "b"),
     ([VCVS(name="E1", p="a", n="0", control_p="a", control_n="0", gain=1.0)], "E1"),
     ([Resistor(name="R1", p="a", n="0", resistance=1.0)], "expected at least one memristor, got none"),

@@ -11,7 +11,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from ohmloom.circuits import VCCS, CurrentSource, Memristor, MemristorCrossbar, Netlist, VoltageSource
+from ohmloom.circuits import VCCS, Capacitor, CurrentSource, Memristor, MemristorCrossbar, Netlist, VoltageSource
 from ohmloom.devices import Device
 from ohmloom.errors import OperationError
 from ohmloom.fmu import (
@@ -57,11 +57,12 @@ def export(name, out, fmi):
         array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 2), 0.4), r_row=1.0, r_column=1.0)
         return export_crossbar(array, out, fmi=fmi)
     if name == "netlist":
-        # Not ohmic, with two cards, a current source, a controlled one and no wire.
+        # Not ohmic, with two cards, a capacitor, a current source, a controlled one and no wire.
         parts = [
             VoltageSource(name="V1", p="a", n="0", voltage=1.0),
             CurrentSource(name="I1", p="0", n="b", current=1e-9),
             VCCS(name="G1", p="0", n="b", control_p="a", control_n="b", transconductance=1e-12),
+            Capacitor(name="C1", p="a", n="b", capacitance=1.0),
         ]
         parts += [Memristor(name=f"M{k}", p="ab"[k], n="b0"[k], device=Device.load(card), s0=0.5)
                   for k, card in enumerate(("peo_pani_redox", "vteam_memtorch"))]  # fmt: skip

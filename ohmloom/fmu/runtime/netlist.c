@@ -1,13 +1,14 @@
 /*
- * Resistors, memristors and sources between nodes. model.c, which includes this, has the tables. Nodes are numbered: the
- * free ones first, in an order in which the matrix is a band; then ground; then one for each voltage source, which holds
- * it against ground. A device is a memristor with a charge x, s = x/c in [0, 1], and the current G(s, v) v from p to n.
+ * Resistors, memristors, capacitors and sources between nodes. model.c, which includes this, has the tables. Nodes are
+ * numbered: the free ones first, in an order in which the matrix is a band; then ground; then one for each voltage source,
+ * which holds it against ground, and for each capacitor, which does so by a voltage that is a state. A device is a memristor
+ * with a charge x, s = x/c in [0, 1], and the current G(s, v) v from p to n. States are charges, then capacitors' voltages.
  *
  * Kirchhoff's current law at the free nodes is solved for their potentials; matrices are symmetric and positive. Not so
- * where sources are controlled or stand between free nodes (IS_GENERAL): their currents are unknowns that are numbered as
+ * where sources are controlled, or sources or capacitors stand between free nodes (IS_GENERAL): their currents are unknowns that are numbered as
  * free nodes are, and `links` is what they add: a share of one potential to the current into another place.
  */
-enum { GROUND = N_FREE, N_ALL = N_FREE + 1 + N_SOURCES };
+enum { GROUND = N_FREE, N_HELD = N_SOURCES + N_CAPACITORS, N_ALL = N_FREE + 1 + N_HELD };
 #if IS_GENERAL
 enum { WIDTH = N_FREE + 1 }; /* of a row, and where the row that took its place was */
 #else
@@ -41,6 +42,22 @@ static int make_room(Work *w)
 static double state_of(const double *c, const double *x, int k) { return x[k] / c[device_kind[k]]; }
 
 static double across(const double *v, int k) { return v[device_p[k]] - v[device_n[k]]; }
+
+/* Potentials that sources and capacitors hold, or changes of them. */
+static void hold(const double *u, const double *x, double *v)
+{
+    int k;
+    for (k = 0; k < N_HELD; k++)
+        v[GROUND + 1 + k] = held_sign[k] * (k < N_SOURCES ? u[k] : x[N_DEVICES + k - N_SOURCES]);
+}
+
+/* What stands at a place, from potentials, currents into nodes and currents of devices, or from changes of all three. */
+static double at_place(const double *v, const double *into, const double *current, int kind, int place)
+{
+    return kind == POTENTIAL ? v[place]
+         : kind == HELD ? held_sign[place] * into[GROUND + 1 + place]
+         : kind == SENSE ? into[GROUND + 1 + place] : current[place];
+}
 
 #if IS_GENERAL
 #define LEAST_PIVOT 1e-15 /* of the largest entry of its column */
@@ -254,8 +271,7 @@ static int solve(const double *p, const double *c, const double *u, const double
 {
     double left;
     int k, round, halving;
-    for (k = 0; k < N_SOURCES; k++)
-        w->v[GROUND + 1 + k] = source_sign[k] * u[k];
+    hold(u, x, w->v);
     for (k = 0; k < N_DEVICES; k++) {
         w->slope[k] = conductance(device_kind[k], state_of(c, x, k), 0.0, p);
         w->current[k] = w->slope[k] * across(w->v, k);
@@ -301,6 +317,14 @@ static int solve(const double *p, const double *c, const double *u, const double
     return 0;
 }
 
+/* Rates of the capacitors' voltages, from their currents. */
+static void charge_capacitors(const Work *w, const double *v, double *rates)
+{
+    int k;
+    for (k = 0; k < N_CAPACITORS; k++)
+        rates[N_DEVICES + k] = at_place(v, w->b, w->current, capacitor_kind[k], capacitor_place[k]) / capacitance[k];
+}
+
 static void netlist_rates(const double *p, const double *c, const double *u, const double *x, double *rates)
 {
     Work w;
@@ -309,19 +333,19 @@ static void netlist_rates(const double *p, const double *c, const double *u, con
         is_solved = solve(p, c, u, x, &w);
     for (k = 0; k < N_DEVICES; k++)
         rates[k] = is_solved ? charge_rate(device_kind[k], state_of(c, x, k), across(w.v, k), w.current[k], p) : NAN;
+    if (is_solved)
+        sum_currents(u, &w, w.v, w.b);
+    charge_capacitors(&w, w.v, rates);
+    for (k = N_DEVICES; !is_solved && k < N_X; k++)
+        rates[k] = NAN;
     free(w.v);
 }
 
-/* Outputs from potentials, currents into nodes and currents of devices, or from changes of all three. */
-static void read_outputs(const double *v, const double *into, const double *current, double *y)
+static void read_outputs(const Work *w, const double *v, double *y)
 {
     int k;
-    for (k = 0; k < N_Y; k++) {
-        const int at = output_place[k];
-        y[k] = output_kind[k] == POTENTIAL ? v[at]
-             : output_kind[k] == SOURCE ? source_sign[at] * into[GROUND + 1 + at]
-             : output_kind[k] == SENSE ? into[GROUND + 1 + at] : current[at];
-    }
+    for (k = 0; k < N_Y; k++)
+        y[k] = at_place(v, w->b, w->current, output_kind[k], output_place[k]);
 }
 
 static void netlist_outputs(const double *p, const double *c, const double *u, const double *x, double *y)
@@ -332,7 +356,7 @@ static void netlist_outputs(const double *p, const double *c, const double *u, c
         is_solved = solve(p, c, u, x, &w);
     if (is_solved) {
         sum_currents(u, &w, w.v, w.b);
-        read_outputs(w.v, w.b, w.current, y);
+        read_outputs(&w, w.v, y);
     }
     for (k = 0; !is_solved && k < N_Y; k++)
         y[k] = NAN;
@@ -346,7 +370,7 @@ static void netlist_forward(const double *p, const double *c, const double *u, c
     Work w;
     int k;
     if (!make_room(&w) || !solve(p, c, u, x, &w)) {
-        for (k = 0; k < N_DEVICES; k++)
+        for (k = 0; k < N_X; k++)
             drates[k] = NAN;
         for (k = 0; k < N_Y; k++)
             dy[k] = NAN;
@@ -355,8 +379,7 @@ static void netlist_forward(const double *p, const double *c, const double *u, c
     }
     take_slopes(p, c, x, &w, w.v);
     memset(w.trial, 0, sizeof(double) * (size_t)N_ALL); /* from here on: changes of potentials */
-    for (k = 0; k < N_SOURCES; k++)
-        w.trial[GROUND + 1 + k] = source_sign[k] * du[k];
+    hold(du, dx, w.trial);
     for (k = 0; k < N_DEVICES; k++) {
         const int kind = device_kind[k];
         const double s = state_of(c, x, k), v = across(w.v, k);
@@ -375,7 +398,8 @@ static void netlist_forward(const double *p, const double *c, const double *u, c
                     charge_rate_by_i(kind, s, v, i, p) * w.current[k];
     }
     sum_currents(du, &w, w.trial, w.b);
-    read_outputs(w.trial, w.b, w.current, dy);
+    charge_capacitors(&w, w.trial, drates);
+    read_outputs(&w, w.trial, dy);
     free(w.v);
 }
 
@@ -387,7 +411,7 @@ static void netlist_adjoint(const double *p, const double *c, const double *u, c
     double *into, *potential; /* weights of currents into nodes, and of potentials */
     int k;
     if (!make_room(&w) || !solve(p, c, u, x, &w)) {
-        for (k = 0; k < N_DEVICES; k++)
+        for (k = 0; k < N_X; k++)
             dx[k] = NAN;
         free(w.v);
         return;
@@ -397,14 +421,16 @@ static void netlist_adjoint(const double *p, const double *c, const double *u, c
     memset(into, 0, sizeof(double) * (size_t)N_ALL);
     memset(potential, 0, sizeof(double) * (size_t)N_ALL);
     memset(w.current, 0, sizeof(double) * (size_t)N_DEVICES); /* from here on: weights of the devices' currents */
-    for (k = 0; k < N_Y; k++) {
-        const int at = output_place[k];
-        if (output_kind[k] == POTENTIAL)
-            potential[at] += dy[k];
-        else if (output_kind[k] == CURRENT)
-            w.current[at] += dy[k];
+    for (k = 0; k < N_Y + N_CAPACITORS; k++) {
+        const int n = k - N_Y, kind = n < 0 ? output_kind[k] : capacitor_kind[n];
+        const int at = n < 0 ? output_place[k] : capacitor_place[n];
+        const double weight = n < 0 ? dy[k] : drates[N_DEVICES + n] / capacitance[n];
+        if (kind == POTENTIAL)
+            potential[at] += weight;
+        else if (kind == CURRENT)
+            w.current[at] += weight;
         else
-            into[GROUND + 1 + at] += (output_kind[k] == SOURCE ? source_sign[at] : 1.0) * dy[k];
+            into[GROUND + 1 + at] += (kind == HELD ? held_sign[at] : 1.0) * weight;
     }
     for (k = 0; k < N_DEVICES; k++) {
         const int kind = device_kind[k];
@@ -447,7 +473,7 @@ static void netlist_adjoint(const double *p, const double *c, const double *u, c
     for (k = 0; k < N_LINKS; k++)
         if (link_from[k] > GROUND)
             potential[link_from[k]] += link_share[k] * into[link_to[k]];
-    for (k = 0; k < N_SOURCES; k++)
-        du[k] += source_sign[k] * potential[GROUND + 1 + k];
+    for (k = 0; k < N_HELD; k++)
+        *(k < N_SOURCES ? du + k : dx + N_DEVICES + k - N_SOURCES) += held_sign[k] * potential[GROUND + 1 + k];
     free(w.v);
 }

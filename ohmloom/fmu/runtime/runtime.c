@@ -17,8 +17,9 @@
  *
  * and their derivatives: forward sets (drates, dy) from (du, dx), adjoint adds to (du, dx) from (drates, dy).
  *
- * A state that reaches a limit rests there (its mode is that limit) until its rate points inward; both are events. The
- * rates themselves know nothing of modes: they are smooth, and evaluated within the limits.
+ * The first N_LIMITED states have limits; the others' are infinite. A state that reaches a limit rests there (its mode is
+ * that limit) until its rate points inward; both are events. The rates themselves know nothing of modes: they are smooth,
+ * and evaluated within the limits.
  *
  * Values lie in one table indexed by value reference: time, parameters, inputs, states, derivatives, outputs, indicators.
 #endif
@@ -72,7 +73,7 @@ enum {
     FIRST_DX = FIRST_X + N_X,
     FIRST_Y = FIRST_DX + N_X,
     FIRST_Z = FIRST_Y + N_Y,
-    N_Z = 2 * N_X,
+    N_Z = 2 * N_LIMITED,
     N_VALUES = FIRST_Z + N_Z
 #endif
 };
@@ -213,6 +214,9 @@ static int advance(Instance *m, double duration)
     return GOOD;
 }
 
+/* What errors of a state are shares of: its range, or, where it has none, 1 of its unit. */
+static double range_of(const State *s, int k) { return k < N_LIMITED ? s->high[k] - s->low[k] : 1.0; }
+
 /* As fmin(fmax(x, low), high), without a call. */
 static double within(double x, double low, double high) { return x > high ? high : x < low ? low : x; }
 
@@ -279,7 +283,7 @@ static int know_outputs(Instance *m)
     return GOOD;
 }
 
-/* Two per state, positive until something happens: at low, and at high. Where the state moves, its distance from the
+/* Two per limited state, positive until something happens: at low, and at high. Where the state moves, its distance from the
  * limit, in shares of the range; where it rests, how strongly its rate holds it there, in ranges per second. */
 static int know_indicators(Instance *m)
 {
@@ -287,8 +291,8 @@ static int know_indicators(Instance *m)
     int k;
     if (know_rates(m))
         return BAD;
-    for (k = 0; k < N_X; k++) {
-        const double range = s->high[k] - s->low[k], x = s->value[FIRST_X + k];
+    for (k = 0; k < N_LIMITED; k++) {
+        const double range = range_of(s, k), x = s->value[FIRST_X + k];
         double *z = s->value + FIRST_Z + 2 * k;
         z[0] = s->mode[k] < 0 ? -s->raw[k] / range + HYSTERESIS : (x - s->low[k]) / range + HYSTERESIS;
         z[1] = s->mode[k] > 0 ? s->raw[k] / range + HYSTERESIS : (s->high[k] - x) / range + HYSTERESIS;
@@ -357,7 +361,7 @@ static double attempt(const State *s, double h, double *x, double *rates)
         const double k7 = s->mode[n] ? 0.0 : rates[n];
         double error = 71.0 / 57600.0 * k1[n] - 71.0 / 16695.0 * k3[n] + 71.0 / 1920.0 * k4[n] -
                        17253.0 / 339200.0 * k5[n] + 22.0 / 525.0 * k6[n] - 1.0 / 40.0 * k7;
-        error = fabs(h * error) / (s->tolerance * (s->high[n] - s->low[n]));
+        error = fabs(h * error) / (s->tolerance * range_of(s, n));
         if (!(error <= worst)) /* also when it is not a number */
             worst = error;
     }
@@ -369,8 +373,8 @@ static double overstep(const State *s, const double *x, const double *rates)
 {
     double most = -INFINITY;
     int n;
-    for (n = 0; n < N_X; n++) {
-        const double range = s->high[n] - s->low[n];
+    for (n = 0; n < N_LIMITED; n++) {
+        const double range = range_of(s, n);
         const double above = x[n] - s->high[n], below = s->low[n] - x[n];
         const double over = (s->mode[n] ? -s->mode[n] * rates[n] : above > below ? above : below) / range;
         if (over > most)
@@ -837,7 +841,7 @@ static int get_nominals(Instance *m, double *nominals, size_t count)
     if (count != N_X || know_constants(m))
         return BAD;
     for (k = 0; k < count; k++)
-        nominals[k] = m->s.high[k] - m->s.low[k];
+        nominals[k] = range_of(&m->s, (int)k);
     return GOOD;
 }
 #endif
