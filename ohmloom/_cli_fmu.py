@@ -170,19 +170,20 @@ def _circuit(source: str, hardware: str | None, tile: str | None) -> Netlist:
 
 @app.command("check")
 def fmu_check(
-    file: FileArgument,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="FMU (*.fmu), or a system (*.ssp).")],
     start_values: StartOption = None,
     timeout: TimeoutOption = 60.0,
     json_: JsonOption = False,
 ) -> int:
-    """Validate, load and run an FMU in every client that is installed; exit 1 if anything failed."""
+    """Validate, load and run an FMU, or a system, in every client that is installed; exit 1 if anything failed."""
     from ohmloom.fmu import check
 
     found = check(file, start_values=_pairs(start_values), timeout=timeout)
     if json_:
         print(json.dumps(found.to_dict(), indent=1))
     else:
-        print(f"{found.path}: FMI {found.fmi}.0, {'passed' if found.passed else 'FAILED'}")
+        standard = f"FMI {found.fmi}.0" if found.fmi else "SSP 1.0"
+        print(f"{found.path}: {standard}, {'passed' if found.passed else 'FAILED'}")
         wide = max(len(row.what) for row in found.rows)
         for row in found.rows:
             print(f"  {row.what:{wide}}  {row.client:10}  {row.status:7}  {row.detail}")

@@ -96,8 +96,8 @@ def open_archive(path: Path | str) -> Archive:
             entries = file.infolist()
             check_entries(path, entries)
             if "SystemStructure.ssd" in file.namelist():
-                raise FileFormatError(f"{path}: expected an FMU, got a system of FMUs (SSP). Run it, or check the FMUs "
-                                      "in its folder resources.")  # fmt: skip
+                raise FileFormatError(f"{path}: expected an FMU, got a system of FMUs (SSP). Run it by "
+                                      "run_ssp.")  # fmt: skip
             if "modelDescription.xml" not in file.namelist():
                 raise FileFormatError(f"{path}: expected modelDescription.xml inside, got no such entry. "
                                       "Check that this is an FMU.")  # fmt: skip

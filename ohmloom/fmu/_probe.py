@@ -294,6 +294,16 @@ def pathsim(question: Question, logged: list[str]) -> Answer:
     return {"values": {v.name: value for v, value in zip(outputs, values, strict=True)}}
 
 
+def system(question: Question, logged: list[str]) -> Answer:
+    """Outputs of a system that are not finite in FMPy."""
+    import numpy as np
+    from fmpy.ssp.simulation import simulate_ssp
+
+    h = question["step_size"]
+    found = simulate_ssp(question["file"], stop_time=(SHORT - 0.5) * h, step_size=h)
+    return {"wrong": [name for name in found.dtype.names if not np.isfinite(found[name]).all()]}
+
+
 PROBES: dict[str, Callable[[Question, list[str]], Answer]] = {
     "description": describe,
     "validation": validate,
@@ -303,6 +313,7 @@ PROBES: dict[str, Callable[[Question, list[str]], Answer]] = {
     "fmuloader": fmuloader,
     "libcosimpy": libcosimpy,
     "pathsim": pathsim,
+    "system": system,
 }
 
 if __name__ == "__main__":

@@ -10,17 +10,26 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from ohmloom.errors import OperationError
-from ohmloom.fmu._archive import Archive
+
+
+class Unpackable(Protocol):
+    """An FMU's archive, or a system's."""
+
+    @property
+    def path(self) -> Path: ...
+
+    def extract(self, folder: Path) -> None: ...
+
 
 MEMORY = 4_000_000_000  # bytes of address space; Python with its libraries needs 1.5e9
 TIMEOUT = 60.0  # s
 
 
 def run_probe(
-    archive: Archive, what: str, options: dict[str, Any], *, timeout: float = TIMEOUT, memory: int = MEMORY
+    archive: Unpackable, what: str, options: dict[str, Any], *, timeout: float = TIMEOUT, memory: int = MEMORY
 ) -> dict[str, Any]:
     """What `_probe` finds out about an FMU in a process of its own.
 

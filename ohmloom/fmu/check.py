@@ -1,4 +1,4 @@
-"""Does an FMU work? Looked at, loaded and run by every client that is installed, in processes of their own."""
+"""Does an FMU, or a system of them, work? Run by every client that is installed, in processes of their own."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import html
 import importlib.util
 import math
 import re
+import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 
@@ -18,11 +19,20 @@ from ohmloom.errors import OhmloomError, ParameterError, expect_number
 from ohmloom.fmu._archive import Archive, open_archive
 from ohmloom.fmu._probe import SHORT
 from ohmloom.fmu._process import MEMORY, TIMEOUT, run_probe
+from ohmloom.fmu.run import check_value
+from ohmloom.fmu.ssp import System, by_component, is_system, run_ssp, unpack
 
 Status = Literal["passed", "failed", "skipped"]
 # Clients integrate model exchange by themselves, each with its own error; what they hold and step agrees to rounding.
 STEPPED, INTEGRATED = 1e-9, 1e-6
 CLIENTS = {"fmuloader": "fmuloader", "libcosimpy": "libcosimpy", "pathsim": "pathsim_fmi"}
+
+
+class Limits(TypedDict):
+    """Of a process: time in s, address space in bytes."""
+
+    timeout: float
+    memory: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +47,10 @@ class CheckRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """What passed in which client."""
+    """What passed in which client; `fmi` is None of a system."""
 
     path: Path
-    fmi: int
+    fmi: int | None
     rows: tuple[CheckRow, ...]
 
     @property
@@ -74,42 +84,83 @@ def check(
 ) -> Check:
     """Validate an FMU, look for its functions, run 20 steps in each client, and take its state to a second instance.
 
-    The file's native code runs with your rights, in processes of its own: check only what you trust to run.
+    Of a system (SSP) each FMU is checked, then 20 steps of the whole are run here and by FMPy. The file's native code
+    runs with your rights, in processes of its own: check only what you trust to run.
 
     Parameters
     ----------
     file
-        The FMU, of version 2.0 or 3.0.
+        The FMU, of version 2.0 or 3.0, or a flat SSP 1.0 system.
     start_values
-        Parameters and inputs by name, as `run` has them; all clients then agree on more than a model at rest.
+        Parameters and inputs by name, as `run` has them; all clients then agree on more than a model at rest. Of a
+        system ``component.name``.
     timeout, memory
         Limits of each process, in s and in bytes of address space.
 
     Raises
     ------
     MissingFileError, FileFormatError
-        If the file is no FMU that can be looked at: see `open_archive`.
-    ParameterError
-        If a start value is no number.
+        If the file is no FMU or system that can be looked at: see `open_archive` and `run_ssp`.
+    UnknownNameError, ParameterError
+        If a start value is none that the FMU takes.
+    OperationError
+        If the description cannot be read.
     """
-    archive = open_archive(file)
-    given: dict[str, Any] = {}
-    for name, x in (start_values or {}).items():
-        is_many = not isinstance(x, str) and np.ndim(x) > 0
-        given[name] = (
-            [expect_number(f"check: {name}", each) for each in np.ravel(x).tolist()]
-            if is_many
-            else expect_number(f"check: {name}", x)
-        )
     if not expect_number("check: timeout", timeout) > 0.0:
         raise ParameterError(f"check: timeout: expected a time above 0 s, got {timeout:g}. Correct it.")
-    limits = {"timeout": timeout, "memory": memory}
+    if is_system(file):
+        return _check_system(Path(file), start_values or {}, timeout, memory)
+    archive = open_archive(file)
+    limits: Limits = {"timeout": timeout, "memory": memory}
+    description = run_probe(archive, "description", {}, **limits)
+    variables = {v["name"]: v for v in description["variables"]}
+    given = {name: check_value(str(archive.path), variables, name, x) for name, x in (start_values or {}).items()}
     rows = [_row("validation", "FMPy", lambda: _validation(archive, limits))]
     for interface in archive.interfaces:
         rows.append(_row(f"functions of {interface}", "loader", lambda i=interface: _symbols(archive, i, limits)))
     if all(row.status != "failed" for row in rows[1:]):
-        rows += _runs(archive, given, limits)
+        rows += _runs(archive, description, given, limits)
     return Check(path=archive.path, fmi=archive.fmi, rows=tuple(rows))
+
+
+def _check_system(path: Path, start_values: Mapping[str, Any], timeout: float, memory: int) -> Check:
+    rows: list[CheckRow] = []
+    limits: Limits = {"timeout": timeout, "memory": memory}
+    with tempfile.TemporaryDirectory(prefix="ohmloom-ssp-") as folder:
+        structure = unpack(path, Path(folder))
+        given = by_component(path, structure, start_values)
+        versions = set()
+        for name, source in structure.sources.items():
+            try:
+                found = check(Path(folder) / source, start_values=given[name], **limits)
+            except OhmloomError as error:
+                raise type(error)(*(p.replace(f"{folder}/", f"{path}:") for p in error.problems)) from error
+            versions.add(found.fmi)
+            rows += [replace(row, what=f"{name}: {row.what}", detail=row.detail.replace(f"{folder}/", f"{path}:"))
+                     for row in found.rows]  # fmt: skip
+
+    steps: list[float] = []
+
+    def here() -> tuple[Status, str]:
+        trace = run_ssp(path, start_values=start_values, steps=SHORT, **limits)
+        steps.append(float(trace.t[1]))
+        return told([name for name, x in trace.values.items() if not np.isfinite(x).all()])
+
+    def by_fmpy() -> tuple[Status, str]:
+        if versions != {2}:
+            return "skipped", "knows FMI 2.0 alone"
+        return told(run_probe(System(path), "system", {"step_size": steps[0]}, **limits)["wrong"])
+
+    def told(wrong: list[str]) -> tuple[Status, str]:
+        if wrong:
+            return "failed", f"{path}: {wrong[0]}: expected finite values, got NaN or infinity. Check its FMU."
+        return "passed", f"{SHORT} steps of {steps[0]:g} s"
+
+    if all(row.status != "failed" for row in rows):
+        rows.append(_row("system", "ohmloom", here))
+    if steps:
+        rows.append(_row("system", "FMPy", by_fmpy))
+    return Check(path=path, fmi=None, rows=tuple(rows))
 
 
 def function_names(fmi: int, interface: str) -> list[str]:
@@ -147,12 +198,12 @@ def _row(what: str, client: str, ask: Any) -> CheckRow:
     return CheckRow(what=what, client=client, status=status, detail=detail)
 
 
-def _validation(archive: Archive, limits: dict[str, Any]) -> tuple[Status, str]:
+def _validation(archive: Archive, limits: Limits) -> tuple[Status, str]:
     problems = run_probe(archive, "validation", {}, **limits)["problems"]
     return ("failed", "; ".join(" ".join(p.split()) for p in problems)) if problems else ("passed", "no problems")
 
 
-def _symbols(archive: Archive, interface: str, limits: dict[str, Any]) -> tuple[Status, str]:
+def _symbols(archive: Archive, interface: str, limits: Limits) -> tuple[Status, str]:
     names = function_names(archive.fmi, interface)
     library = archive.library(interface)
     missing = run_probe(archive, "symbols", {"names": names, "library": f"fmu/{library}"}, **limits)["missing"]
@@ -163,13 +214,9 @@ def _symbols(archive: Archive, interface: str, limits: dict[str, Any]) -> tuple[
     return "passed", f"all {len(names)}"
 
 
-def _runs(archive: Archive, given: dict[str, Any], limits: dict[str, Any]) -> list[CheckRow]:
+def _runs(archive: Archive, answer: dict[str, Any], given: dict[str, Any], limits: Limits) -> list[CheckRow]:
     rows: list[CheckRow] = []
-    answer = run_probe(archive, "description", {}, **limits)
     h = answer["step_size"] or (answer["stop_time"] or 1.0) / 500
-    # One number is that of all elements of an array.
-    sizes = {v["name"]: math.prod(v["shape"]) for v in answer["variables"] if v["shape"]}
-    given = {name: [x] * sizes[name] if name in sizes and isinstance(x, float) else x for name, x in given.items()}
     common = {"start_values": given, "step_size": h}
     ends: dict[str, dict[str, float]] = {}
     largest: dict[str, dict[str, float]] = {}  # the largest of each in the run: what comes to rest at 0 has no other
@@ -227,7 +274,7 @@ def _runs(archive: Archive, given: dict[str, Any], limits: dict[str, Any]) -> li
     return rows
 
 
-def _state(archive: Archive, common: dict[str, Any], limits: dict[str, Any]) -> tuple[Status, str]:
+def _state(archive: Archive, common: dict[str, Any], limits: Limits) -> tuple[Status, str]:
     answer = run_probe(archive, "state round trip", common, **limits)
     if answer["is_equal"]:
         return "passed", f"{answer['bytes']} bytes, the same bits in a second instance"

@@ -55,6 +55,7 @@ def run_ssp(
     *,
     stop_time: float | None = None,
     step_size: float | None = None,
+    steps: int | None = None,
     start_values: Mapping[str, float] | None = None,
     timeout: float = TIMEOUT,
     memory: int = MEMORY,
@@ -72,6 +73,8 @@ def run_ssp(
         The system, ``*.ssp``, flat, of FMUs for co-simulation of either version.
     stop_time, step_size
         In s; None for what the file and its FMUs suggest.
+    steps
+        How many; None for those until `stop_time`.
     start_values
         By ``component.variable``, over those of the file.
     timeout, memory
@@ -96,15 +99,15 @@ def run_ssp(
         raise MissingFileError(f"{path}: expected an SSP file, got none. Check the path.")
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ohmloom-ssp-")))
-        structure = _unpack(path, folder)
-        given = _by_component(path, structure, start_values or {})
+        structure = unpack(path, folder)
+        given = by_component(path, structure, start_values or {})
         hosts = {
             name: stack.enter_context(Host(folder / source, start_values=given[name], timeout=timeout, memory=memory))
             for name, source in structure.sources.items()
         }
         order = plan(path, structure.wires, hosts)
         h = step_size or max((host.step_size or 0.0 for host in hosts.values()), default=0.0)
-        end = stop_time or structure.stop_time or 1.0
+        end = stop_time or (steps or 0) * h or structure.stop_time or 1.0
         for name, x in (("stop_time", end), ("step_size", h)):
             if not (expect_number(f"run_ssp: {name}", x) > 0.0 and math.isfinite(x)):
                 raise ParameterError(f"run_ssp: {name}: expected a time above 0 s, got {x:g}. Give one.")
@@ -199,7 +202,34 @@ def _run(
     return FmuTrace(name=path.name, t=t, values=frozen)
 
 
-def _unpack(path: Path, folder: Path) -> Structure:
+def is_system(file: Path | str) -> bool:
+    """Whether a file is an SSP archive, whatever its name."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return "SystemStructure.ssd" in archive.namelist()
+    except (OSError, TypeError, *DAMAGED_ZIP):
+        return False  # whoever opens it says why
+
+
+@dataclass(frozen=True)
+class System:
+    """A system's file, for a process of its own."""
+
+    path: Path
+
+    def extract(self, folder: Path) -> None:
+        """Unpack what is safe to unpack."""
+        unpack(self.path, folder)
+
+
+def unpack(path: Path, folder: Path) -> Structure:
+    """A system's structure; its FMUs are written into `folder`.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no archive that is safe to unpack, or no flat SSP 1.0 system.
+    """
     try:
         with zipfile.ZipFile(path) as file:
             check_entries(path, file.infolist())
@@ -273,7 +303,8 @@ def _parameters(where: str, component: ElementTree.Element) -> dict[str, float]:
     return values
 
 
-def _by_component(path: Path, structure: Structure, given: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def by_component(path: Path, structure: Structure, given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The file's parameters with `given`, which has ``component.variable``, over them."""
     values = {name: dict(structure.parameters[name]) for name in structure.sources}
     for name, x in given.items():
         component, _, variable = name.partition(".")

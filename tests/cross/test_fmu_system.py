@@ -1,5 +1,6 @@
 """The closed loop as a system of two FMUs: in our runner, in FMPy and fmucontainer; rings; hosted parts of a trial."""
 
+import io
 import subprocess
 import sys
 import zipfile
@@ -11,7 +12,7 @@ from fmpy.ssp.ssd import read_ssd
 
 from ohmloom.devices import Device
 from ohmloom.errors import FileFormatError, MissingFileError, ParameterError, UnknownNameError
-from ohmloom.fmu import Host, HostedArena, HostedController, export_device, export_system, run_ssp
+from ohmloom.fmu import Host, HostedArena, HostedController, check, export_device, export_system, run_ssp
 from ohmloom.fmu.build import archive
 from ohmloom.neurocontroller import SpikingController, champion
 from ohmloom.sim import Arena, run_trial
@@ -100,6 +101,37 @@ def test_fmpy_follows_it_but_for_the_first_sensors(loop):
     wanted = run_trial(LateController(), DYNAMIC, trial_key=KEY, action_delay=1)
     np.testing.assert_array_equal(pose_of(found), wanted.path[1 : len(found) + 1])
     assert len(found) >= COUNT
+
+
+def test_a_system_is_checked_whole_and_in_its_parts(loop):
+    found = check(loop, start_values={"arena.max_timesteps": 50})
+    assert found.passed, found.rows
+    assert found.fmi is None
+    passed = {(row.what, row.client) for row in found.rows if row.status == "passed"}
+    assert {("system", "ohmloom"), ("system", "FMPy"), ("arena: CoSimulation", "libcosimpy"),
+            ("controller: state round trip", "FMPy")} <= passed  # fmt: skip
+    with pytest.raises(ParameterError, match=r"loop\.ssp:resources/arena\.fmu: max_timesteps: expected a value from 1"):
+        check(loop, start_values={"arena.max_timesteps": 0})
+    with pytest.raises(UnknownNameError, match=r"component: expected one of arena, controller, got 'lamp'"):
+        check(loop, start_values={"lamp.power": 1.0})
+
+
+def test_a_system_with_a_part_that_fails_is_named(loop, tmp_path):
+    with zipfile.ZipFile(loop) as file:
+        inside = {name: file.read(name) for name in file.namelist()}
+    bad = tmp_path / "bad.ssp"
+    bad.write_bytes(archive(inside | {"resources/arena.fmu": inside["resources/arena.fmu"][:2000]}))
+    with pytest.raises(FileFormatError, match=r"bad\.ssp:resources/arena\.fmu: expected a zip file"):
+        check(bad)
+    with zipfile.ZipFile(io.BytesIO(inside["resources/arena.fmu"])) as file:
+        parts = {name: file.read(name) for name in file.namelist()}
+    library = next(name for name in parts if name.startswith("binaries/"))
+    bad.write_bytes(archive(inside | {"resources/arena.fmu": archive(parts | {library: b"none"})}))
+    found = check(bad)
+    assert not found.passed
+    failed = [row for row in found.rows if row.status == "failed"]
+    assert all("bad.ssp:resources/arena.fmu" in row.detail for row in failed)
+    assert "system" not in {row.what for row in found.rows}
 
 
 def test_hosted_parts_run_a_trial(parts):

@@ -149,7 +149,7 @@ def test_a_description_that_is_none(pack, description, text):
 def test_no_description(pack):
     with pytest.raises(FileFormatError, match=r"expected modelDescription.xml inside, got no such entry"):
         open_archive(pack(readme=b""))
-    with pytest.raises(FileFormatError, match=r"expected an FMU, got a system of FMUs \(SSP\)\. Run it, or check"):
+    with pytest.raises(FileFormatError, match=r"expected an FMU, got a system of FMUs \(SSP\)\. Run it by run_ssp"):
         open_archive(pack(**{"SystemStructure.ssd": b""}))
 
 
