@@ -116,6 +116,7 @@ def export_arena(
         "model.c": code.model_code(code.ARENA, description),
         "world.c": code.world_table(arena),
         "arena.c": runtime_file("arena.c"),
+        "random.c": runtime_file("random.c"),
     }
     return build(path, description, model, [about_arena(arena), LICENCE], fmi=fmi, platforms=platforms)
 

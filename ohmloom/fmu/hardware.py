@@ -1,4 +1,4 @@
-"""A die as a discrete FMU: the emulated controller, where laws have closed forms and nothing is noisy."""
+"""A die as a discrete FMU: the emulated controller, where laws have closed forms."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def export_hardware_controller(
     """Write a die as an FMU for co-simulation, spike for spike the emulated controller.
 
     Variables are those of `export_controller`. Devices, their states after programming and their spread, thresholds,
-    the waveform, faults, wires that columns are read through, and the spread of neurons, senses and gains are those of
-    the die.
+    the waveform, faults, wires, noise of events and reads, disturb by reads, ageing, converters, and the spread of
+    neurons, senses and gains are those of the die.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def export_hardware_controller(
     ParameterError
         If an option is none of these.
     MappingError
-        If the die has noise, ageing, or a drive that this FMU does not have; names all of them.
+        If a law of the die has no closed form.
     OperationError
         If the compiler fails, or the file cannot be written.
     """
@@ -97,40 +97,29 @@ def die_parts(where: str, die: Die) -> dict[str, str]:
     return {
         "die.c": _tables(where, die),
         "law.c": law_text((devices[tile.kind].law for tile in die.plan.tiles), ["conductance"]),
-        **{name: runtime_file(name) for name in ("hardware.c", "events.c", "lines.c")},
+        **{name: runtime_file(name) for name in ("hardware.c", "events.c", "lines.c", "random.c")},
     }
 
 
 def _tables(where: str, die: Die) -> str:
     """The die as C constants: ``die.c``."""
-    from ohmloom.mapping._fabric import EXACT_WIDTH, MAY_FIRE, VOLTAGE, ClosedPulses, DrivenLines
+    from ohmloom.mapping._fabric import CHARGE_METERED, EXACT_WIDTH, MAY_FIRE, VOLTAGE, ClosedPulses, DrivenLines
     from ohmloom.mapping.fabric import build_fabric
 
     fabric, _, _ = build_fabric(die)
     cells, tiles, neurons, c = fabric.cells, fabric.tiles, fabric.neurons, fabric.constants[0]
     reads, drive = fabric.reads, {VOLTAGE: "VOLTAGE", EXACT_WIDTH: "EXACT_WIDTH"}.get(c["mode"], "CHARGE")
-    problems = [
-        text
-        for text, is_there in (
-            ("laws without a closed form", not isinstance(fabric.pulses, ClosedPulses)),
-            ("a metering delay", c["metering_delay"] != 0.0),
-            ("cycle-to-cycle noise", c["cycle_to_cycle"] != 0.0),
-            ("read noise", c["read_noise"] != 0.0),
-            ("read disturb", c["read_disturb"] != 0.0),
-            ("a converter", c["bits"] != 0),
-            ("reads that do not settle", c["settled"] != 1.0),
-            ("devices that age", c["decay"] != 1.0),
-        )
-        if is_there
-    ]
-    if problems:
-        raise MappingError(f"{where}: die: expected hardware without noise whose laws have closed forms, got "
-                           f"{', '.join(problems)} in {die.plan.hardware.name}. Run it here, by "
-                           "EmulatedController.")  # fmt: skip
+    if not isinstance(fabric.pulses, ClosedPulses):
+        raise MappingError(f"{where}: die: expected laws with closed forms, got others in {die.plan.hardware.name}. "
+                           "Run it here, by EmulatedController.")  # fmt: skip
+    meters_late = c["mode"] == CHARGE_METERED and c["metering_delay"] > 0.0
+    ages, disturbs = c["decay"] != 1.0, c["read_disturb"] > 0.0
+    has_cycle_noise, bits = c["cycle_to_cycle"] > 0.0, int(c["bits"])
     # What the drives need to know besides.
-    moving = {"CHARGE": (), "VOLTAGE": (("charge", "charge_scale", "C"), ("event_flux", "event_flux", "Wb of a pulse"),
-                                        ("bottom", "bottom", "Wb at s = 0"), ("top", "top", "Wb at s = 1")),
-              "EXACT_WIDTH": (("charge", "charge_scale", "C"),)}  # fmt: skip
+    q_d, event_charge = ("charge", "charge_scale", "C"), ("event_charge", "event_charge", "C")
+    moving = {"CHARGE": (q_d, event_charge) if meters_late else (), "EXACT_WIDTH": (q_d,),
+              "VOLTAGE": (q_d, ("event_flux", "event_flux", "Wb of a pulse"), ("bottom", "bottom", "Wb at s = 0"),
+                          ("top", "top", "Wb at s = 1"))}  # fmt: skip
     live = cells["is_live"] & (tiles["family"][cells["tile"]] >= 0) if len(cells) else cells["is_live"]
     size = fabric.table.shape[0]
     dispatch = [
@@ -150,10 +139,10 @@ def _tables(where: str, die: Die) -> str:
     cards = [die.plan.hardware.devices[tile.kind] for tile in die.plan.tiles]
     laws = {card.law for card, moves in zip(cards, is_plastic, strict=True) if moves}
     needs_newton = drive == "VOLTAGE" and not laws <= set(INVERSES)
-    alone = () if drives_lines else ("sender", "series")  # of cells that are driven one by one
-    if drive != "CHARGE":
-        dispatch += ["", *flux_code(cards, is_plastic, has_flux=needs_newton or not drives_lines,
-                                    has_inverse=drive == "VOLTAGE")]  # fmt: skip
+    alone = () if drives_lines else ("series",)  # of cells that are driven one by one
+    if drive != "CHARGE" or meters_late:
+        dispatch += ["", *flux_code(cards, is_plastic, has_inverse=drive == "VOLTAGE",
+                                    has_flux=needs_newton or not drives_lines or ages)]  # fmt: skip
 
     def square(name: str, kind: str, values: Any) -> str:
         rows = ", ".join(
@@ -165,7 +154,7 @@ def _tables(where: str, die: Die) -> str:
         f"/* {identifier(die.plan.network.name)} on {identifier(die.plan.hardware.name)}. */",
         '#include "law.c"',
         f"enum {{ NEURONS = {len(neurons)}, CELLS = {max(len(cells), 1)}, READS = {max(len(reads), 1)}, "
-        f"SLOTS = {int(reads['tap'].max(initial=1)) + 1}, PHASES = {len(fabric.phase)}, "
+        f"SLOTS = {1 + max(int(read['tap'].max(initial=1)) for read in (reads, cells))}, PHASES = {len(fabric.phase)}, "
         f"COUNTS_HALF_SELECTS = {int(c['counts_half_selects'])} }};",
         "#define CHARGE 1",
         "#define VOLTAGE 2",
@@ -173,12 +162,21 @@ def _tables(where: str, die: Die) -> str:
         f"#define DRIVE {drive}",
         f"#define DRIVES_LINES {int(drives_lines)}",
         f"#define NEEDS_NEWTON {int(needs_newton)}",
+        *(f"#define {name} {int(value)}" for name, value in (
+            ("HAS_READ_NOISE", c["read_noise"] > 0.0), ("HAS_CYCLE_NOISE", has_cycle_noise),
+            ("READ_DISTURBS", disturbs), ("AGES", ages), ("METERS_LATE", meters_late), ("BITS", bits))),
+        *(f"#define {name}_{part} 0x{word:08x}u" for name, key in (("READ_KEY", "read_key"), ("CYCLE_KEY", "cycle_key"))
+          for part, word in (("LOW", int(c[key]) & 0xFFFFFFFF), ("HIGH", int(c[key]) >> 32))),
         f"enum {{ LAST_SPIKE = {c['last_spike']}, CLAMP = {int(c['clamp'])}, CARRY_STATE = {int(c['carry'])} }};",
         *(f"#define {name} {number(c[field])}" for name, field in (
             ("EVENT_LEVEL", "event_level"), ("PULSE_VOLTAGE", "pulse_voltage"), ("ASYMMETRY", "asymmetry"),
-            ("HALF_SELECT", "half_select"))),
+            ("HALF_SELECT", "half_select"), ("READ_NOISE", "read_noise"), ("CYCLE_TO_CYCLE", "cycle_to_cycle"),
+            ("READ_DISTURB", "read_disturb"), ("DECAY", "decay"), ("SETTLED", "settled"),
+            ("METERING_DELAY", "metering_delay"))),
         array("int", "first_cell", fabric.starts.tolist(), "by receiver; the next one's is the end"),
-        *(array("int", f"cell_{name}", cells[name].tolist()) for name in (*alone[:1], "tile")),
+        *(array("int", f"cell_{name}", cells[name].tolist()) for name, is_needed in (
+            ("tile", True), ("sender", not drives_lines or disturbs), ("tap", disturbs), ("number", has_cycle_noise))
+          if is_needed),
         array("int", "first_read", fabric.read_starts.tolist(), "what columns read, likewise"),
         *(array("int", f"read_{name}", reads[name].tolist()) for name in ("sender", "tap")),
         array("double", "read_polarity", reads["polarity"].tolist()),
@@ -190,7 +188,8 @@ def _tables(where: str, die: Die) -> str:
             *((("belief", "first_belief", "what the driver takes for the state"),) if drive == "EXACT_WIDTH" else ()),
             ("fixed", "fixed_g", "S, where no event moves it"),
             ("factor", "factor", "charge of an event, 1 nominally"), ("threshold", "threshold", "V"),
-            *((name, name, "Ohm of the wires to it") for name in alone[1:]))),
+            *((name, name, "Ohm of the wires to it") for name in alone),
+            *((("polarity", "polarity", "of a read's voltage"),) if disturbs else ()))),
         *(array("double", f"tile_{name}", tiles[field].tolist(), doc) for name, field, doc in (
             ("gain", "gain", ""), ("reference", "reference", "S that is subtracted"), ("on", "g_on", "S"),
             *(moving[drive] if needs_newton or not drives_lines else moving[drive][1:]))),
@@ -198,7 +197,8 @@ def _tables(where: str, die: Die) -> str:
         *(array("double", f"tile_p_{t}", [float(x) for x in die.plan.hardware.devices[tile.kind].parameters.values()])
           for t, tile in enumerate(die.plan.tiles)),
         *(array("double", f"neuron_{name}", neurons[field].tolist()) for name, field in (
-            ("a", "a"), ("b", "b"), ("threshold", "y_thresh"), ("offset", "offset"))),
+            ("a", "a"), ("b", "b"), ("threshold", "y_thresh"), ("offset", "offset"),
+            *((("full_scale", "full_scale"),) if bits else ()))),
         array("double", "phase_width", fabric.phase.tolist(), "of the waveform's phases, in pulses"),
         square("row_level", "double", fabric.levels[:, 0, :size]),
         square("column_level", "double", fabric.levels[:, 1, :size]),

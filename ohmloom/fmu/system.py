@@ -121,6 +121,7 @@ def _export_loop(
         "model.c": code.model_code(template, description, len(code.arena_parameters(arena, trial_key))),
         "world.c": code.world_table(arena),
         "arena.c": runtime_file("arena.c"),
+        "random.c": runtime_file("random.c"),
     }
     paragraphs = [about(network), about_arena(arena), LICENCE]
     return build(path, description, model, paragraphs, fmi=fmi, platforms=platforms)

@@ -29,7 +29,9 @@ from ohmloom.sim import Arena
 
 CYCLES = Path(__file__).with_name("fmu_cycles.c")
 DISCRETE_CYCLES = Path(__file__).with_name("fmu_discrete_cycles.c")
-DIES = {"ideal": "HET", "het_mixed": "HET", "hp_passive": "HP"}
+DIES = {"ideal": "HET", "het_mixed": "HET", "hp_passive": "HP", "hp_1t1r": "HP"}
+TROUBLES = {"cycle_to_cycle": 0.2, "read_noise": 0.1, "quantisation": 6, "settling": 3e-10, "retention": 2.0,
+            "read_disturb": 0.05}  # fmt: skip
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Werror"]
 
 
@@ -45,10 +47,12 @@ def export(name, out, fmi):
         arena = Arena.paper(task="static")
         return export_system(champion("HET"), out, task=arena, trial_key=3, fmi=fmi)
     if name in DIES:
-        return export_hardware_controller(place(champion(DIES[name]), Hardware.load(name)).nominal(), out, fmi=fmi)
+        # One of them with everything that a die may have besides.
+        more = TROUBLES | {"metering_delay": 0.3} if name == "hp_1t1r" else {}
+        return export_hardware_controller(troubled(DIES[name], name, more), out, fmi=fmi)
     if name == "dieloop":
-        # All of the C of dies that drives through wires.
-        die = place(champion("HP"), Hardware.load("hp_passive")).nominal()
+        # All of the C of dies that drives through wires; both parts draw random numbers.
+        die = troubled("HP", "hp_passive", TROUBLES)
         return export_system(die, out, task="static", trial_key=3, fmi=fmi)
     if name == "arrays":
         array = MemristorCrossbar(devices=Device.load("hp_tio2_10k"), s=np.full((2, 2), 0.4), r_row=1.0, r_column=1.0)
@@ -68,6 +72,11 @@ def export(name, out, fmi):
                   for k, card in enumerate(("peo_pani_redox", "vteam_memtorch"))]  # fmt: skip
         return export_crossbar(Netlist(elements=tuple(parts)), out, fmi=fmi)
     return export_device(Device.load(name), out, fmi=fmi)
+
+
+def troubled(system, name, values):
+    hardware = Hardware.load(name).with_values({f"nonidealities.{effect}": x for effect, x in values.items()})
+    return place(champion(system), hardware).nominal()
 
 
 @pytest.fixture

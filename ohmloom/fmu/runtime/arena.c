@@ -3,11 +3,10 @@
  * this, holds the constants of the world, in SI units. Random numbers are counter-based: those of a timestep follow from
  * the trial's key and the number of timesteps, whatever was drawn before.
  */
-#include <stdint.h>
+#include "random.c"
 
 enum { KEY_LOW, KEY_HIGH, MAX_TIMESTEPS, IR_NOISE, LIGHT_NOISE, SLIP }; /* parameters, in this order */
 enum { DRAW_START, DRAW_IR, DRAW_LIGHT, DRAW_SLIP };                    /* channels of the random numbers */
-#define PI 3.141592653589793
 
 typedef struct {
     double x, y, heading, best;
@@ -18,24 +17,10 @@ typedef struct {
 static double larger(double a, double b) { return b > a ? b : a; }
 static double smaller(double a, double b) { return b < a ? b : a; }
 
-/* Philox4x32-10 (Salmon et al., SC 2011), counter (counter0, counter1, 0, 0), as numbers in (0, 1). */
-static void draw(const double *p, int counter0, int counter1, double *numbers)
+/* Four numbers of a timestep and a channel. */
+static void draw_for(const double *p, int timestep, int channel, double *numbers)
 {
-    uint32_t c[4] = {(uint32_t)counter0, (uint32_t)counter1, 0, 0};
-    uint32_t k0 = (uint32_t)(int32_t)p[KEY_LOW], k1 = (uint32_t)(int32_t)p[KEY_HIGH];
-    int k;
-    for (k = 0; k < 10; k++) {
-        const uint64_t p0 = (uint64_t)0xD2511F53u * c[0], p1 = (uint64_t)0xCD9E8D57u * c[2];
-        const uint32_t c1 = c[1], c3 = c[3];
-        c[0] = (uint32_t)(p1 >> 32) ^ c1 ^ k0;
-        c[1] = (uint32_t)p1;
-        c[2] = (uint32_t)(p0 >> 32) ^ c3 ^ k1;
-        c[3] = (uint32_t)p0;
-        k0 += 0x9E3779B9u;
-        k1 += 0xBB67AE85u;
-    }
-    for (k = 0; k < 4; k++)
-        numbers[k] = ((double)c[k] + 0.5) * 2.3283064365386963e-10;
+    draw((uint32_t)(int32_t)p[KEY_LOW], (uint32_t)(int32_t)p[KEY_HIGH], (uint32_t)timestep, (uint32_t)channel, numbers);
 }
 
 /* Narrows [enter, leave] to where x + t dx lies in [-half, half]. */
@@ -76,8 +61,8 @@ static void add_noise(const double *p, Arena *s)
     const double dark = world.light_dark, lit = world.light_lit;
     double ir[4], light[4];
     int k;
-    draw(p, s->executed, DRAW_IR, ir);
-    draw(p, s->executed, DRAW_LIGHT, light);
+    draw_for(p, s->executed, DRAW_IR, ir);
+    draw_for(p, s->executed, DRAW_LIGHT, light);
     for (k = 0; k < 3; k++) {
         double factor = 1.0 + p[IR_NOISE] * (2.0 * ir[k] - 1.0), reading;
         s->sensors[k] = smaller(1.0, s->sensors[k] * factor);
@@ -147,7 +132,7 @@ static void move(const double *p, int action, Arena *s)
         right *= 0.5;
     if (IS_DYNAMIC) {
         double u[4];
-        draw(p, s->executed, DRAW_SLIP, u);
+        draw_for(p, s->executed, DRAW_SLIP, u);
         if (SLIP_STALLS) {
             left = u[0] < p[SLIP] ? 0.0 : left;
             right = u[1] < p[SLIP] ? 0.0 : right;
@@ -183,7 +168,7 @@ static void place(const double *p, Arena *s)
 {
     const double corner = world.robot_radius - world.half_width, leg = world.start_line - 2.0 * corner;
     double u[4];
-    draw(p, 0, DRAW_START, u);
+    draw_for(p, 0, DRAW_START, u);
     if (u[0] + u[1] > 1.0) {
         u[0] = 1.0 - u[0];
         u[1] = 1.0 - u[1];

@@ -4,7 +4,7 @@
  * a flux). law.c has the laws, die.c the cells; flux() is the integral of 1/G over the charge.
  */
 
-#if DRIVE != CHARGE
+#if DRIVE != CHARGE || AGES
 static double clamped(double s) { return s < 0.0 ? 0.0 : s > 1.0 ? 1.0 : s; }
 #endif
 
@@ -102,9 +102,32 @@ static void count_events(Controller *m, int k, double events)
         m->failure = FLUX;
 }
 
-static double event_size(int k, double sign) { return cell_factor[k] * (1.0 + sign * ASYMMETRY); }
+/* Of the next event of a cell, 1 nominally. */
+static double event_size(const Controller *m, int k, double sign)
+{
+    const double size = cell_factor[k] * (1.0 + sign * ASYMMETRY);
+#if HAS_CYCLE_NOISE
+    const double noise = normal(CYCLE_KEY_LOW, CYCLE_KEY_HIGH, cell_number[k], m->pulses[k]);
+    return size * fmax(1.0 + CYCLE_TO_CYCLE * noise, 0.0);
+#else
+    (void)m;
+    return size;
+#endif
+}
 
-#if DRIVE != CHARGE && !DRIVES_LINES
+/* Enters an event, of which this signed part was written. */
+static void count_pulse(Controller *m, int k, double written)
+{
+#if HAS_CYCLE_NOISE
+    m->pulses[k] += written != 0.0;
+#else
+    (void)m;
+    (void)k;
+    (void)written;
+#endif
+}
+
+#if (DRIVE != CHARGE && !DRIVES_LINES) || AGES
 /* A state that no count of events reaches. */
 static void place_at(Controller *m, int k, double s)
 {
@@ -112,7 +135,36 @@ static void place_at(Controller *m, int k, double s)
     if (isnan(s))
         m->failure = FLUX;
     m->count[k] = 0.0;
-    m->origin[k] = DRIVE == VOLTAGE ? flux(cell_tile[k], m->s[k]) : m->s[k];
+#if DRIVE == VOLTAGE
+    m->origin[k] = flux(cell_tile[k], m->s[k]);
+#else
+    m->origin[k] = m->s[k];
+#endif
+}
+#endif
+
+#if METERS_LATE
+#define SMOOTH 0.05 /* relative change of G in an event up to which Simpson's rule serves */
+
+/* The charge that still flows until the driver, which meters it, has switched off; in events. */
+static double late_events(const Controller *m, int k, double before, double g_before, double strength, double size)
+{
+    const int t = cell_tile[k];
+    const double after = m->s[k], voltage = strength * PULSE_VOLTAGE, series = cell_series[k];
+    const double charge = size * tile_event_charge[t], inside = fabs(after - before) * tile_charge[t];
+    const double g = conductance(t, after);
+    double passed, duration; /* flux; time */
+    if (fabs(g - g_before) > SMOOTH * g) {
+        passed = fabs(flux(t, after) - flux(t, before));
+    } else {
+        const double middle = conductance(t, 0.5 * (before + after)), edges = g_before * g;
+        passed = ((g_before + g) * middle + 4.0 * edges) / (edges * middle) * (1.0 / 6.0) * inside;
+    }
+    passed += series * charge;
+    if (after == 0.0 || after == 1.0)
+        passed += fmax(charge - inside, 0.0) / g; /* the state stands at its wall, and the current goes on */
+    duration = passed / voltage;
+    return METERING_DELAY * duration * voltage * g / (1.0 + series * g) / tile_event_charge[t];
 }
 #endif
 
@@ -120,7 +172,11 @@ static void place_at(Controller *m, int k, double s)
 /* One pulse on a selected cell: `size` events in the direction of `sign`, `strength` the voltage in pulses. */
 static void write_pulse(Controller *m, int k, double sign, double strength, double size)
 {
-#if DRIVE == CHARGE
+#if METERS_LATE
+    const double before = m->s[k], g_before = m->g[k];
+    count_events(m, k, sign * size);
+    count_events(m, k, sign * late_events(m, k, before, g_before, strength, size));
+#elif DRIVE == CHARGE
     (void)strength;
     count_events(m, k, sign * size);
 #elif DRIVE == VOLTAGE

@@ -3,7 +3,11 @@
  * which includes this, holds the die: its cells, sorted by receiver, then sender, what the waveform asks of them, and
  * its neurons. Cells are programmed one by one, or all lines at once through their wires. Columns read the cells
  * themselves, or, with wires, what is left of every row's voltage: potentials are solved for anew after each programming.
+ * States decay between timesteps, and are disturbed by reads; columns are noisy and pass a converter, where the die has it.
  */
+#if HAS_READ_NOISE || HAS_CYCLE_NOISE
+#include "random.c"
+#endif
 enum { INPUTS = 6, STEPS = 21 };
 enum { C, C_INI, GAIN, HIGH_COUNT }; /* parameters, in this order */
 
@@ -26,7 +30,11 @@ typedef struct {
     int fired[CELLS];                /* 1, -1 or 0, in this phase */
 #endif
 #endif
-    long long clock;                 /* steps done */
+    long long clock;                 /* steps of the shift registers */
+    long long steps_done;            /* since the start */
+#if HAS_CYCLE_NOISE
+    int pulses[CELLS];               /* events done */
+#endif
     int ls[NEURONS];                 /* set by a spike, counts down */
     int spiked[NEURONS];             /* spikes in this timestep */
     int action;
@@ -40,6 +48,16 @@ static const char *const failures[] = {
     "expected the potentials of the wires to converge, got none that do",
     "expected the state that belongs to a pulse's flux, got none that converges",
 };
+
+#if HAS_READ_NOISE || HAS_CYCLE_NOISE
+/* A standard normal number by the Box-Muller transform. */
+static double normal(uint32_t key_low, uint32_t key_high, long long counter0, long long counter1)
+{
+    double numbers[4];
+    draw(key_low, key_high, (uint32_t)counter0, (uint32_t)counter1, numbers);
+    return sqrt(-2.0 * log(numbers[0])) * cos(2.0 * PI * numbers[1]);
+}
+#endif
 
 static double weight_of(int t, double g, double subtracted)
 {
@@ -95,6 +113,7 @@ static void program(Controller *m)
         const int post = m->ls[j];
         for (k = first_cell[j]; k < first_cell[j + 1]; k++) {
             const int pre = m->ls[cell_sender[k]];
+            double written = 0.0;
             if (!tile_is_plastic[cell_tile[k]] || !may_fire[pre][post])
                 continue;
 #if HAS_WIRES
@@ -106,14 +125,71 @@ static void program(Controller *m)
                 const double v = strength * PULSE_VOLTAGE / (1.0 + cell_series[k] * m->g[k]);
                 if (level == 0.0)
                     continue;
-                if (cell_is_live[k] && v > cell_threshold[k])
-                    write_pulse(m, k, sign, strength, event_size(k, sign) * phase_width[phase]);
-                else if (COUNTS_HALF_SELECTS)
+                if (cell_is_live[k] && v > cell_threshold[k]) {
+                    write_pulse(m, k, sign, strength, event_size(m, k, sign) * phase_width[phase]);
+                    written += sign * phase_width[phase];
+                } else if (COUNTS_HALF_SELECTS) {
                     half_select(m, k, sign);
+                }
             }
+            count_pulse(m, k, written);
         }
     }
 #endif
+}
+
+#if READ_DISTURBS
+/* What a step's reads do to the cells that are read: a positive row pulse depresses. */
+static void disturb(Controller *m)
+{
+    int k;
+    for (k = 0; k < first_cell[NEURONS]; k++) {
+        const long long sent = m->clock - cell_tap[k];
+        if (!cell_is_live[k] || sent < 0 || !m->ring[sent % SLOTS][cell_sender[k]])
+            continue;
+        count_events(m, k, cell_polarity[k] > 0.0 ? -READ_DISTURB : READ_DISTURB);
+        read_cell(m, k);
+#if HAS_WIRES
+        m->is_stale[cell_tile[k]] = 1;
+#endif
+    }
+}
+#endif
+
+#if AGES
+/* What a timestep does to every state at rest. */
+static void age(Controller *m)
+{
+    int k;
+    for (k = 0; k < first_cell[NEURONS]; k++)
+        if (cell_is_live[k]) {
+            place_at(m, k, m->s[k] * DECAY);
+            read_cell(m, k);
+        }
+#if HAS_WIRES
+    for (k = 0; k < TILES; k++)
+        m->is_stale[k] = 1;
+#endif
+}
+#endif
+
+/* What the periphery makes of a column's sum: settling, offset, noise, converter; `squares` of what was added. */
+static double sensed(const Controller *m, int j, double total, double squares)
+{
+    total = total * SETTLED + neuron_offset[j];
+#if HAS_READ_NOISE
+    total += READ_NOISE * sqrt(squares) * normal(READ_KEY_LOW, READ_KEY_HIGH, j, m->steps_done);
+#else
+    (void)m;
+    (void)squares;
+#endif
+#if BITS > 0
+    if (neuron_full_scale[j] > 0.0) {
+        const double part = 2.0 * neuron_full_scale[j] / (1 << BITS);
+        total = fmin(fmax(part * floor(total / part + 0.5), -neuron_full_scale[j]), neuron_full_scale[j]);
+    }
+#endif
+    return total;
 }
 
 static void controller_tick(const double *p, const double *sensors, Controller *m)
@@ -129,13 +205,15 @@ static void controller_tick(const double *p, const double *sensors, Controller *
         if (j < INPUTS) {
             current = sensors[j];
         } else {
-            double total = 0.0;
+            double total = 0.0, squares = 0.0;
             for (k = first_read[j]; k < first_read[j + 1]; k++) {
                 const long long sent = m->clock - read_tap[k];
-                if (sent >= 0 && m->ring[sent % SLOTS][read_sender[k]])
+                if (sent >= 0 && m->ring[sent % SLOTS][read_sender[k]]) {
                     total += m->weight[k];
+                    squares += m->weight[k] * m->weight[k];
+                }
             }
-            current = p[GAIN] * (total + neuron_offset[j]);
+            current = p[GAIN] * sensed(m, j, total, squares);
         }
         y = m->y[j] + (current + neuron_a[j] - neuron_b[j] * m->y[j]);
         if (CLAMP && y < 0.0)
@@ -148,16 +226,24 @@ static void controller_tick(const double *p, const double *sensors, Controller *
         }
         m->y[j] = y;
     }
+#if READ_DISTURBS
+    disturb(m);
+#endif
     program(m);
     for (j = 0; j < NEURONS; j++)
         m->ls[j] -= m->ls[j] > 0;
     m->clock++;
+    m->steps_done++;
 }
 
 /* A timestep; the action follows from the outputs' spike counts: 0 forward, 1 left, 2 right. NULL, or what failed. */
 static const char *controller_step(const double *p, const double *sensors, Controller *m)
 {
     int k, left, right;
+#if AGES
+    if (m->steps_done > 0)
+        age(m);
+#endif
     if (!CARRY_STATE)
         controller_rest(p, m);
     memset(m->spiked, 0, sizeof m->spiked);

@@ -253,7 +253,9 @@ static void hold_cell(Controller *m, int k, double v, double size) { count_event
  * at the start. */
 static void program_tile(Controller *m, int t)
 {
+    double written[CELLS];
     int k, phase;
+    memset(written, 0, sizeof written);
     fill_grid(m, t);
     for (phase = 0; phase < PHASES; phase++) {
         double *u = m->program_guess[t][phase];
@@ -266,6 +268,7 @@ static void program_tile(Controller *m, int t)
             m->fired[k] = 0;
             if (cell_tile[k] == t && cell_is_live[k] && fabs(v) > cell_threshold[k]) {
                 m->fired[k] = v > 0.0 ? 1 : -1;
+                written[k] += m->fired[k] * phase_width[phase];
                 any_fired = 1;
             } else if (fabs(v) > 1e-15) {
                 half_select(m, k, v > 0.0 ? 1.0 : -1.0);
@@ -278,7 +281,7 @@ static void program_tile(Controller *m, int t)
             if (m->fired[k]) {
                 const double s = m->s[k], origin = m->origin[k], count = m->count[k];
                 hold_cell(m, k, m->w[place_of(k)] - u[place_of(k)],
-                          0.5 * phase_width[phase] * event_size(k, m->fired[k]));
+                          0.5 * phase_width[phase] * event_size(m, k, m->fired[k]));
                 m->middle[place_of(k)] = conductance(t, m->s[k]);
                 m->s[k] = s;
                 m->origin[k] = origin;
@@ -287,11 +290,14 @@ static void program_tile(Controller *m, int t)
         solve_lines(m, m->middle, u);
         for (k = 0; k < first_cell[NEURONS]; k++)
             if (m->fired[k]) {
-                hold_cell(m, k, m->w[place_of(k)] - u[place_of(k)], phase_width[phase] * event_size(k, m->fired[k]));
+                hold_cell(m, k, m->w[place_of(k)] - u[place_of(k)],
+                          phase_width[phase] * event_size(m, k, m->fired[k]));
                 read_cell(m, k);
             }
         fill_grid(m, t);
     }
+    for (k = 0; k < first_cell[NEURONS]; k++)
+        count_pulse(m, k, written[k]);
     m->is_stale[t] = 1;
 }
 #endif
