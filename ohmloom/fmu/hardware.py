@@ -1,4 +1,4 @@
-"""A die as a discrete FMU: the emulated controller, where laws have closed forms."""
+"""A die as a discrete FMU: the emulated controller."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ohmloom.devices import LAWS
 from ohmloom.devices.emit import identifier
-from ohmloom.errors import MappingError, expect_type
+from ohmloom.errors import expect_type
 from ohmloom.fmu import _discrete_code as code
 from ohmloom.fmu._compile import Platforms
 from ohmloom.fmu._flux_code import INVERSES, flux_code
@@ -18,6 +19,7 @@ from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import Description, FmiVersion, Variable
 from ohmloom.fmu.discrete import LICENCE, TIMESTEP, runtime_file
 from ohmloom.mapping.die import Die
+from ohmloom.neurocontroller.kinds import PLASTIC_KINDS
 
 PARAMETERS = ("c", "c_ini", "synapse_gain", "high_count")  # in the order of hardware.c; the rest a die spreads
 
@@ -40,7 +42,7 @@ def export_hardware_controller(
     Parameters
     ----------
     die
-        From `Plan.sample` or `Plan.nominal`, of hardware whose laws have closed forms.
+        From `Plan.sample` or `Plan.nominal`.
     out, fmi, platforms
         As `export_device` has them.
     timestep, arrays
@@ -50,15 +52,13 @@ def export_hardware_controller(
     ------
     ParameterError
         If an option is none of these.
-    MappingError
-        If a law of the die has no closed form.
     OperationError
         If the compiler fails, or the file cannot be written.
     """
     where = "export_hardware_controller"
     expect_type(f"{where}: die", die, Die)
     path = check_options(where, out, fmi, platforms, arrays=arrays)
-    parts = die_parts(where, die)
+    parts = die_parts(die)
     network, hardware = die.plan.network, die.plan.hardware
     name = f"{network.name}_{hardware.name}"
     plain = code.controller_description(network, timestep)
@@ -85,39 +85,38 @@ def die_parameters(die: Die) -> tuple[Variable, ...]:
     return tuple(by_name[name] for name in PARAMETERS)
 
 
-def die_parts(where: str, die: Die) -> dict[str, str]:
-    """The C files of a die's controller but ``model.c``.
-
-    Raises
-    ------
-    MappingError
-        If the die needs what they do not have.
-    """
+def die_parts(die: Die) -> dict[str, str]:
+    """The C files of a die's controller but ``model.c``."""
     devices = die.plan.hardware.devices
+    laws = [devices[tile.kind].law for tile in die.plan.tiles]
+    integrated = {law for tile, law in zip(die.plan.tiles, laws, strict=True)
+                  if tile.kind in PLASTIC_KINDS and LAWS[law].flux is None}  # fmt: skip
     return {
-        "die.c": _tables(where, die),
-        "law.c": law_text((devices[tile.kind].law for tile in die.plan.tiles), ["conductance"]),
-        **{name: runtime_file(name) for name in ("hardware.c", "events.c", "lines.c", "random.c")},
+        "die.c": _tables(die),
+        "law.c": law_text([law for law in laws if law not in integrated], ["conductance"])
+        + law_text([law for law in laws if law in integrated], ["conductance", "charge_rate"]),
+        **{name: runtime_file(name) for name in ("hardware.c", "events.c", "lines.c", "pulses.c", "random.c")},
     }
 
 
-def _tables(where: str, die: Die) -> str:
+def _tables(die: Die) -> str:
     """The die as C constants: ``die.c``."""
-    from ohmloom.mapping._fabric import CHARGE_METERED, EXACT_WIDTH, MAY_FIRE, VOLTAGE, ClosedPulses, DrivenLines
+    from ohmloom.mapping._cell_kernels import INTEGRATED
+    from ohmloom.mapping._fabric import CHARGE_METERED, EXACT_WIDTH, MAY_FIRE, VOLTAGE, DrivenLines
     from ohmloom.mapping.fabric import build_fabric
 
     fabric, _, _ = build_fabric(die)
     cells, tiles, neurons, c = fabric.cells, fabric.tiles, fabric.neurons, fabric.constants[0]
     reads, drive = fabric.reads, {VOLTAGE: "VOLTAGE", EXACT_WIDTH: "EXACT_WIDTH"}.get(c["mode"], "CHARGE")
-    if not isinstance(fabric.pulses, ClosedPulses):
-        raise MappingError(f"{where}: die: expected laws with closed forms, got others in {die.plan.hardware.name}. "
-                           "Run it here, by EmulatedController.")  # fmt: skip
+    cards = [die.plan.hardware.devices[tile.kind] for tile in die.plan.tiles]
+    is_integrated = tiles["family"] == INTEGRATED
+    integrates = bool(is_integrated.any())
     meters_late = c["mode"] == CHARGE_METERED and c["metering_delay"] > 0.0
     ages, disturbs = c["decay"] != 1.0, c["read_disturb"] > 0.0
     has_cycle_noise, bits = c["cycle_to_cycle"] > 0.0, int(c["bits"])
     # What the drives need to know besides.
     q_d, event_charge = ("charge", "charge_scale", "C"), ("event_charge", "event_charge", "C")
-    moving = {"CHARGE": (q_d, event_charge) if meters_late else (), "EXACT_WIDTH": (q_d,),
+    moving = {"CHARGE": (q_d, event_charge) if meters_late else (q_d,) if integrates else (), "EXACT_WIDTH": (q_d,),
               "VOLTAGE": (q_d, ("event_flux", "event_flux", "Wb of a pulse"), ("bottom", "bottom", "Wb at s = 0"),
                           ("top", "top", "Wb at s = 1"))}  # fmt: skip
     live = cells["is_live"] & (tiles["family"][cells["tile"]] >= 0) if len(cells) else cells["is_live"]
@@ -128,20 +127,21 @@ def _tables(where: str, die: Die) -> str:
         "{",
         "    switch (tile) {",
     ]
-    for t, tile in enumerate(die.plan.tiles):
-        device = die.plan.hardware.devices[tile.kind]
-        case = "default:" if t == len(die.plan.tiles) - 1 else f"case {t}:"
-        dispatch += [f"    {case}", f"        return {device.law}_conductance(s, 0.0, tile_p_{t});"]
-    if not die.plan.tiles:
+    for t, card in enumerate(cards):
+        case = "default:" if t == len(cards) - 1 else f"case {t}:"
+        dispatch += [f"    {case}", f"        return {card.law}_conductance(s, 0.0, tile_p_{t});"]
+    if not cards:
         dispatch += ["    default:", "        return s;"]
     dispatch += ["    }", "}"]
+    if integrates:
+        dispatch += _integrated([f"{cards[t].law}_{{}}" if is_integrated[t] else "" for t in range(len(cards))])
     is_plastic, drives_lines = (tiles["family"] >= 0).tolist(), isinstance(fabric.lines, DrivenLines)
-    cards = [die.plan.hardware.devices[tile.kind] for tile in die.plan.tiles]
-    laws = {card.law for card, moves in zip(cards, is_plastic, strict=True) if moves}
+    is_closed = [moves and not other for moves, other in zip(is_plastic, is_integrated, strict=True)]
+    laws = {card.law for card, follows in zip(cards, is_closed, strict=True) if follows}
     needs_newton = drive == "VOLTAGE" and not laws <= set(INVERSES)
     alone = () if drives_lines else ("series",)  # of cells that are driven one by one
     if drive != "CHARGE" or meters_late:
-        dispatch += ["", *flux_code(cards, is_plastic, has_inverse=drive == "VOLTAGE",
+        dispatch += ["", *flux_code(cards, is_closed, has_inverse=drive == "VOLTAGE",
                                     has_flux=needs_newton or not drives_lines or ages)]  # fmt: skip
 
     def square(name: str, kind: str, values: Any) -> str:
@@ -164,7 +164,8 @@ def _tables(where: str, die: Die) -> str:
         f"#define NEEDS_NEWTON {int(needs_newton)}",
         *(f"#define {name} {int(value)}" for name, value in (
             ("HAS_READ_NOISE", c["read_noise"] > 0.0), ("HAS_CYCLE_NOISE", has_cycle_noise),
-            ("READ_DISTURBS", disturbs), ("AGES", ages), ("METERS_LATE", meters_late), ("BITS", bits))),
+            ("READ_DISTURBS", disturbs), ("AGES", ages), ("INTEGRATES", integrates),
+            ("IS_METERED", c["mode"] == CHARGE_METERED), ("METERS_LATE", meters_late), ("BITS", bits))),
         *(f"#define {name}_{part} 0x{word:08x}u" for name, key in (("READ_KEY", "read_key"), ("CYCLE_KEY", "cycle_key"))
           for part, word in (("LOW", int(c[key]) & 0xFFFFFFFF), ("HIGH", int(c[key]) >> 32))),
         f"enum {{ LAST_SPIKE = {c['last_spike']}, CLAMP = {int(c['clamp'])}, CARRY_STATE = {int(c['carry'])} }};",
@@ -192,7 +193,8 @@ def _tables(where: str, die: Die) -> str:
             *((("polarity", "polarity", "of a read's voltage"),) if disturbs else ()))),
         *(array("double", f"tile_{name}", tiles[field].tolist(), doc) for name, field, doc in (
             ("gain", "gain", ""), ("reference", "reference", "S that is subtracted"), ("on", "g_on", "S"),
-            *(moving[drive] if needs_newton or not drives_lines else moving[drive][1:]))),
+            *(moving[drive] if needs_newton or not drives_lines or integrates else moving[drive][1:]),
+            *((("duration", "duration", "s of a pulse"),) if integrates and c["mode"] != CHARGE_METERED else ()))),
         array("int", "tile_is_plastic", [int(x) for x in is_plastic]),
         *(array("double", f"tile_p_{t}", [float(x) for x in die.plan.hardware.devices[tile.kind].parameters.values()])
           for t, tile in enumerate(die.plan.tiles)),
@@ -207,6 +209,22 @@ def _tables(where: str, die: Die) -> str:
         "",
     ]  # fmt: skip
     return "\n".join(parts)
+
+
+def _integrated(functions: list[str]) -> list[str]:
+    """Laws of the tiles whose devices are integrated: names of their functions, empty for other tiles."""
+    lines = ["/* Whether a tile's devices are integrated, and the laws of those that are. */",
+             "static int tile_is_integrated(int tile)", "{",
+             f"    static const int is_integrated[] = {{{', '.join(str(int(bool(f))) for f in functions)}}};",
+             "    return is_integrated[tile];", "}"]  # fmt: skip
+    for name, head, call in (("conductance", "double s, double v", "s, v"),
+                             ("charge_rate", "double s, double v, double i", "s, v, i")):  # fmt: skip
+        lines += [f"static double {name}_at(int tile, {head})", "{", "    switch (tile) {"]
+        for t, function in enumerate(functions):
+            if function:
+                lines += [f"    case {t}:", f"        return {function.format(name)}({call}, tile_p_{t});"]
+        lines += ["    default:", f"        return NAN * ({call.replace(', ', ' + ')});", "    }", "}"]
+    return lines
 
 
 def _wire_tables(fabric: Any) -> list[str]:

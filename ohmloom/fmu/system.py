@@ -65,8 +65,6 @@ def export_system(
     ------
     UnknownNameError, ParameterError
         If an option is none of these.
-    MappingError
-        If the die needs what its FMU does not have; see `export_hardware_controller`.
     OperationError
         If the compiler fails, or the file cannot be written.
     """
@@ -110,7 +108,7 @@ def _export_loop(
     if isinstance(controller, Die):
         network = controller.plan.network
         name, parameters = f"{network.name}_{controller.plan.hardware.name}", die_parameters(controller)
-        model = die_parts("export_system", controller)
+        model = die_parts(controller)
         template = template.replace("controller.c", "hardware.c").replace("network.c", "die.c")
     else:
         network = controller

@@ -29,7 +29,8 @@ from ohmloom.sim import Arena
 
 CYCLES = Path(__file__).with_name("fmu_cycles.c")
 DISCRETE_CYCLES = Path(__file__).with_name("fmu_discrete_cycles.c")
-DIES = {"ideal": "HET", "het_mixed": "HET", "hp_passive": "HP", "hp_1t1r": "HP"}
+DIES = {"die ideal": "HET", "die het_mixed": "HET", "die hp_passive": "HP", "die hp_1t1r": "HP",
+        "die peo_pani_redox": "PEO"}  # fmt: skip
 TROUBLES = {"cycle_to_cycle": 0.2, "read_noise": 0.1, "quantisation": 6, "settling": 3e-10, "retention": 2.0,
             "read_disturb": 0.05}  # fmt: skip
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Werror"]
@@ -48,8 +49,8 @@ def export(name, out, fmi):
         return export_system(champion("HET"), out, task=arena, trial_key=3, fmi=fmi)
     if name in DIES:
         # One of them with everything that a die may have besides.
-        more = TROUBLES | {"metering_delay": 0.3} if name == "hp_1t1r" else {}
-        return export_hardware_controller(troubled(DIES[name], name, more), out, fmi=fmi)
+        more = TROUBLES | {"metering_delay": 0.3} if name == "die hp_1t1r" else {}
+        return export_hardware_controller(troubled(DIES[name], name.removeprefix("die "), more), out, fmi=fmi)
     if name == "dieloop":
         # All of the C of dies that drives through wires; both parts draw random numbers.
         die = troubled("HP", "hp_passive", TROUBLES)

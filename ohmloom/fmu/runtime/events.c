@@ -1,8 +1,15 @@
 /*
  * How devices move. A state is an origin and a count of events since, which a wall takes over: an event is a thousandth
  * of the device's charge (the origin is a state), or, where the drive is by voltage, the flux of one pulse (the origin is
- * a flux). law.c has the laws, die.c the cells; flux() is the integral of 1/G over the charge.
+ * a flux). law.c has the laws, die.c the cells; flux() is the integral of 1/G over the charge. Devices of laws without these
+ * closed forms are integrated (INTEGRATES); what else moves them counts in events of charge.
  */
+
+#if INTEGRATES
+#include "pulses.c"
+#else
+#define tile_is_integrated(t) ((void)(t), 0)
+#endif
 
 #if DRIVE != CHARGE || AGES
 static double clamped(double s) { return s < 0.0 ? 0.0 : s > 1.0 ? 1.0 : s; }
@@ -67,10 +74,11 @@ static double state_behind(int t, double s, double series, double phi)
 /* What a number of events makes of an origin and a count; the state. */
 static double event_state(int t, double *origin, double *count)
 {
+    double x = *origin + *count / 1000.0, bottom = 0.0, top = 1.0;
 #if DRIVE == VOLTAGE
-    const double x = *origin + *count * tile_event_flux[t], bottom = tile_bottom[t], top = tile_top[t];
+    if (!tile_is_integrated(t))
+        x = *origin + *count * tile_event_flux[t], bottom = tile_bottom[t], top = tile_top[t];
 #else
-    const double x = *origin + *count / 1000.0, bottom = 0.0, top = 1.0;
     (void)t;
 #endif
     if (x <= bottom || x >= top) {
@@ -79,10 +87,10 @@ static double event_state(int t, double *origin, double *count)
         return x <= bottom ? 0.0 : 1.0;
     }
 #if DRIVE == VOLTAGE
-    return clamped(state_at_flux(t, x));
-#else
-    return x;
+    if (!tile_is_integrated(t))
+        return clamped(state_at_flux(t, x));
 #endif
+    return x;
 }
 
 static void read_cell(Controller *m, int k)
@@ -135,12 +143,52 @@ static void place_at(Controller *m, int k, double s)
     if (isnan(s))
         m->failure = FLUX;
     m->count[k] = 0.0;
-#if DRIVE == VOLTAGE
-    m->origin[k] = flux(cell_tile[k], m->s[k]);
-#else
     m->origin[k] = m->s[k];
+#if DRIVE == VOLTAGE
+    if (!tile_is_integrated(cell_tile[k]))
+        m->origin[k] = flux(cell_tile[k], m->s[k]);
 #endif
 }
+#endif
+
+#if INTEGRATES
+/* Puts a cell where an integration ended. */
+static void end_at(Controller *m, int k, double s)
+{
+    if (isnan(s))
+        m->failure = PULSE;
+    m->s[k] = m->origin[k] = clamped(s);
+    m->count[k] = 0.0;
+}
+
+#if !DRIVES_LINES
+/* One pulse of `size` events, of this share of the pulse's duration; wires enter by the voltage they leave at first. */
+static void integrate_pulse(Controller *m, int k, double sign, double strength, double size, double width)
+{
+    const int t = cell_tile[k];
+    const double left = strength * PULSE_VOLTAGE / (1.0 + cell_series[k] * m->g[k]);
+    double integral, s;
+#if DRIVE == VOLTAGE
+    (void)width;
+    s = pulse(HELD, t, m->s[k], sign * left, tile_duration[t] * size, &integral);
+#else
+    const double charge = size * tile_charge[t] / 1000.0;
+#if IS_METERED
+    (void)width;
+    s = charge == 0.0 ? m->s[k] : pulse(OVER_CHARGE, t, m->s[k], sign * left, charge, &integral);
+    if (METERING_DELAY > 0.0 && charge != 0.0) {
+        const double more = METERING_DELAY * integral;
+        s = pulse(HELD, t, s, sign * left, more, &integral);
+    }
+#else
+    const double duration = tile_duration[t] * width;
+    (void)left;
+    s = pulse(OVER_TIME, t, m->s[k], sign * charge / duration, duration, &integral);
+#endif
+#endif
+    end_at(m, k, s);
+}
+#endif
 #endif
 
 #if METERS_LATE
@@ -169,9 +217,19 @@ static double late_events(const Controller *m, int k, double before, double g_be
 #endif
 
 #if !DRIVES_LINES
-/* One pulse on a selected cell: `size` events in the direction of `sign`, `strength` the voltage in pulses. */
-static void write_pulse(Controller *m, int k, double sign, double strength, double size)
+/* One pulse on a selected cell: `size` events in the direction of `sign`, `strength` the voltage in pulses, `width` the
+ * phase's share of the pulse. */
+static void write_pulse(Controller *m, int k, double sign, double strength, double size, double width)
 {
+#if INTEGRATES
+    if (tile_is_integrated(cell_tile[k])) {
+        integrate_pulse(m, k, sign, strength, size, width);
+        read_cell(m, k);
+        return;
+    }
+#else
+    (void)width;
+#endif
 #if METERS_LATE
     const double before = m->s[k], g_before = m->g[k];
     count_events(m, k, sign * size);

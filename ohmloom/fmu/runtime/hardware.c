@@ -42,11 +42,12 @@ typedef struct {
     signed char ring[SLOTS][NEURONS]; /* spikes by step: shift registers of the rows */
 } Controller;
 
-enum { NONE, WIRES, FLUX };
+enum { NONE, WIRES, FLUX, PULSE };
 static const char *const failures[] = {
     NULL,
     "expected the potentials of the wires to converge, got none that do",
     "expected the state that belongs to a pulse's flux, got none that converges",
+    "expected a finite rate of the state in a pulse, got none",
 };
 
 #if HAS_READ_NOISE || HAS_CYCLE_NOISE
@@ -126,7 +127,8 @@ static void program(Controller *m)
                 if (level == 0.0)
                     continue;
                 if (cell_is_live[k] && v > cell_threshold[k]) {
-                    write_pulse(m, k, sign, strength, event_size(m, k, sign) * phase_width[phase]);
+                    write_pulse(m, k, sign, strength, event_size(m, k, sign) * phase_width[phase],
+                                phase_width[phase]);
                     written += sign * phase_width[phase];
                 } else if (COUNTS_HALF_SELECTS) {
                     half_select(m, k, sign);

@@ -247,7 +247,18 @@ static int hold_lines(Controller *m, int t, int phase)
 }
 
 /* Holds v over a cell for `size` pulses. */
-static void hold_cell(Controller *m, int k, double v, double size) { count_events(m, k, v / PULSE_VOLTAGE * size); }
+static void hold_cell(Controller *m, int k, double v, double size)
+{
+#if INTEGRATES
+    const int t = cell_tile[k];
+    double charge;
+    if (tile_is_integrated(t)) {
+        end_at(m, k, pulse(HELD, t, m->s[k], v, tile_duration[t] * size, &charge));
+        return;
+    }
+#endif
+    count_events(m, k, v / PULSE_VOLTAGE * size);
+}
 
 /* A cell that switches takes the flux that it sees in the middle of its pulse; whether it does is decided by the voltage
  * at the start. */
