@@ -1,7 +1,8 @@
 """FMUs: size, time of export, error against the closed form, steps per second in a C loop and through FMPy.
 
 Their peer is a minimal Dahlquist model of our own, `dahlquist.c`: one Euler step of dx/dt = -k x in each doStep.
-`python benchmarks/fmu.py Dahlquist.fmu` times the Reference FMU of that name (FMI 2.0, not shipped here) instead.
+`python benchmarks/fmu.py Dahlquist.fmu` times the Reference FMU of that name (FMI 2.0, linux, not shipped here)
+instead, with steps of 0.1 s, each of which is one of its Euler steps.
 
 The model is the paper's HP device, normalised, at 0.8 V from q = 0: (1 - q)^2 = 1 - 1.6 t until q = 0.99.
 """
@@ -52,17 +53,28 @@ int main(void)
 
 DAHLQUIST_LOOP = """#include <stdio.h>
 #include <time.h>
+#include <stdlib.h>
 #include "fmi2Functions.h"
+static void log_nothing(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status, fmi2String kind,
+                        fmi2String text, ...)
+{
+    (void)e, (void)name, (void)status, (void)kind, (void)text;
+}
+static const fmi2CallbackFunctions host = {log_nothing, calloc, free, NULL, NULL};
 int main(void)
 {
-    const fmi2ValueReference k_ref = 1, x_ref = 0;
+    const fmi2ValueReference k_ref = @k@, x_ref = @x@;
     const clock_t begin = clock();
     double out = 0.0;
     int k;
-    fmi2Component m = fmi2Instantiate("loop", fmi2CoSimulation, "", "", NULL, 0, 0);
+    fmi2Component m = fmi2Instantiate("loop", fmi2CoSimulation, "@token@", "", &host, 0, 0);
+#if @is_whole@
+    if (fmi2SetupExperiment(m, 0, 0.0, 0.0, 0, 0.0) || fmi2EnterInitializationMode(m) || fmi2ExitInitializationMode(m))
+        return 1;
+#endif
     for (k = 0; k < @steps@; k++) {
         const double x = k % 200 < 100 ? 0.3 : -0.3;
-        if (fmi2SetReal(m, &k_ref, 1, &x) || fmi2DoStep(m, 1e-4 * k, 1e-4, 1) || fmi2GetReal(m, &x_ref, 1, &out))
+        if (fmi2SetReal(m, &k_ref, 1, &x) || fmi2DoStep(m, @h@ * k, @h@, 1) || fmi2GetReal(m, &x_ref, 1, &out))
             return 1;
     }
     fmi2FreeInstance(m);
@@ -75,10 +87,6 @@ int main(void)
 def main() -> None:
     """Print the table."""
     device = Device.load("hp_tio2_paper")
-    if len(sys.argv) > 1:
-        path = Path(sys.argv[1])
-        rate = 1.0 / stepped([path], "", ["x"], STEPS)
-        print(f"{path.name}, a model with an output x to compare with: {rate / 1e3:.0f}k steps/s through FMPy")
     print(f"FMPy {fmpy.__version__}; set, step and get in each step")
     print("FMI   size   export  error, free  error, at the wall  arrival, ME    C loop     FMPy")
     with tempfile.TemporaryDirectory() as folder:
@@ -91,10 +99,12 @@ def main() -> None:
             c, python = in_c(file, fmi, Path(folder) / f"c{fmi}"), through_fmpy(file)
             print(f"{fmi}.0 {size / 1000:5.1f}kB {export:6.2f}s {free:12.1e} {wall:18.1e} {arrival(file):12.7f}s "
                   f"{c / 1e6:6.2f}M/s {python / 1e3:6.0f}k/s")  # fmt: skip
-            if fmi == 2 and len(sys.argv) == 1:
-                own = dahlquist(Path(folder) / "dahlquist")
-                print(f"    of our own Dahlquist's, one Euler step: {own[0] / 1e6:.2f}M/s, {c / own[0]:.2f}x in C; "
-                      f"{own[1] / 1e3:.0f}k/s, {python / own[1]:.2f}x through FMPy")  # fmt: skip
+            if fmi == 2:
+                given, place = Path(sys.argv[1]) if len(sys.argv) > 1 else None, Path(folder) / "dahlquist"
+                peer = reference(given, place) if given else dahlquist(place)
+                name = given.name if given else "our own Dahlquist"
+                print(f"    of {name}'s, one Euler step: {peer[0] / 1e6:.2f}M/s, {c / peer[0]:.2f}x in C; "
+                      f"{peer[1] / 1e3:.0f}k/s, {python / peer[1]:.2f}x through FMPy")  # fmt: skip
         print(f"exact arrival {(1 - 0.01**2) / 1.6:.7f}s")
         crossbars(Path(folder))
         discrete(Path(folder))
@@ -133,15 +143,35 @@ def discrete(folder: Path) -> None:
         print(f"{name:10} {written.size / 1000:5.1f}kB {1e6 * spent:8.1f}us")
 
 
+def write_loop(folder: Path, values: dict[str, str]) -> None:
+    """A folder with the peer's loop and FMI's headers."""
+    folder.mkdir()
+    for name in HEADERS[2]:
+        (folder / name).write_bytes((Path(fmpy.__file__).with_name("c-code") / name).read_bytes())
+    text = DAHLQUIST_LOOP
+    for name, value in {**values, "steps": str(20 * STEPS)}.items():
+        text = text.replace(f"@{name}@", value)
+    (folder / "loop.c").write_text(text)
+
+
+def reference(path: Path, folder: Path) -> tuple[float, float]:
+    """The same of an FMU with the state x and the parameter k, of FMI 2.0."""
+    description = fmpy.read_model_description(str(path))
+    refs = {v.name: str(v.valueReference) for v in description.modelVariables}
+    write_loop(folder, {"k": refs["k"], "x": refs["x"], "h": "0.1", "token": description.guid, "is_whole": "1"})
+    fmpy.extract(str(path), str(folder / "fmu"))
+    library = f"fmu/binaries/linux64/{description.coSimulation.modelIdentifier}.so"
+    subprocess.run(["gcc", "-std=c99", "-O2", "loop.c", library, "-o", "loop"], cwd=folder, check=True)
+    c = float(subprocess.run(["./loop"], cwd=folder, check=True, capture_output=True, text=True).stdout)
+    return c, 1.0 / stepped([path], "k", ["x"], STEPS, 0.1)
+
+
 def dahlquist(folder: Path) -> tuple[float, float]:
     """Steps per second of CPU time of the peer: of a loop in C, and of the same calls that FMPy makes."""
     import ctypes
 
-    folder.mkdir()
-    for name in HEADERS[2]:
-        (folder / name).write_bytes((Path(fmpy.__file__).with_name("c-code") / name).read_bytes())
+    write_loop(folder, {"k": "1", "x": "0", "h": "1e-4", "token": "", "is_whole": "0"})
     (folder / "dahlquist.c").write_text(Path(__file__).with_name("dahlquist.c").read_text())
-    (folder / "loop.c").write_text(DAHLQUIST_LOOP.replace("@steps@", str(20 * STEPS)))
     flags = ["gcc", "-std=c99", "-O2", "-ffp-contract=off"]
     # Apart, as an importer and an FMU are: inlined, the loop is nothing but a multiplication.
     subprocess.run([*flags, "dahlquist.c", "loop.c", "-o", "loop"], cwd=folder, check=True)

@@ -6,6 +6,7 @@ from ohmloom.devices import LAWS, Device
 from ohmloom.devices._checks import LARGEST_VOLTAGE
 from ohmloom.devices.emit import identifier
 from ohmloom.devices.laws._law import ORDERED
+from ohmloom.fmu._flux_code import FLOWS
 from ohmloom.fmu._law_code import FUNCTIONS, law_text, partials_text
 from ohmloom.fmu._tables import variable_table
 from ohmloom.fmu.description import Description, Variable
@@ -68,7 +69,8 @@ def device_code(device: Device, description: Description) -> dict[str, str]:
     n = len(law.parameters)
     values = {"variables": variable_table(description), "checks": "\n".join(checks), "partials": partials_text(law),
               "n_p": str(n + 1), "q0": str(n)}  # fmt: skip
-    text = _MODEL.replace("law_", f"{law.name}_")
+    flow = FLOWS.get(law.name, "")
+    text = (_MODEL + (_FLOW.replace("@flow@", flow) if flow else "")).replace("law_", f"{law.name}_")
     for name, value in values.items():
         text = text.replace(f"@{name}@", value)
     return {"law.c": law_text([law.name], FUNCTIONS), "model.c": text}
@@ -184,5 +186,13 @@ static void model_adjoint(const double *p, const double *c, const double *u, con
         du[0] += d[k + 1][0] * dy[k];
         dx[0] += d[k + 1][1] * dy[k];
     }
+}
+"""
+_FLOW = """
+@flow@
+/* The state after a time in which the input is held, limits aside. */
+static double model_flow(const double *p, const double *c, const double *u, const double *x, double duration)
+{
+    return x[0] + law_flow(x[0] / c[0], u[0] * duration, p);
 }
 """

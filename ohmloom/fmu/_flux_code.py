@@ -1,4 +1,4 @@
-"""The C text of ideal laws' fluxes and of their inverses, in the order of the laws' own operations."""
+"""The C text of ideal laws' fluxes and of their inverses, in the order of the laws' own operations; and of flows."""
 
 from __future__ import annotations
 
@@ -36,6 +36,24 @@ INVERSES = {
     "linear": """static double linear_state_at_flux(double phi, const double *p)
 {
     return expm1(phi * (p[1] - p[0]) / (p[2] * p[0] * p[1])) / (p[1] / p[0] - 1.0);
+}
+""",
+}
+
+
+# The change of charge that a flux makes from s, walls aside; by the change itself, so that small ones are not rounded.
+FLOWS = {
+    "hp_linear": """static double hp_linear_flow(double s, double phi, const double *p)
+{
+    const double m = p[1] - (p[1] - p[0]) * s; /* its square falls in proportion to the flux */
+    const double after = m * m - 2.0 * p[0] * p[1] * p[2] * phi;
+    return after > 0.0 ? 2.0 * phi / (m + sqrt(after)) : INFINITY;
+}
+""",
+    "linear": """static double linear_flow(double s, double phi, const double *p)
+{
+    const double g = 1.0 / p[1] + (1.0 / p[0] - 1.0 / p[1]) * s, k = (1.0 / p[0] - 1.0 / p[1]) / p[2];
+    return g / k * expm1(k * phi);
 }
 """,
 }

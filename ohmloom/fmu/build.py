@@ -101,10 +101,12 @@ def build(
     fmi: FmiVersion,
     platforms: Platforms,
     notes: dict[str, str] | None = None,
+    has_flow: bool = False,
 ) -> Export:
     """Compile `model` (name -> C text, ``model.c`` among them) with the runtime, and write the archive to `path`.
 
-    The documentation gets the paragraphs, and to variables that are named in `notes` these.
+    The documentation gets the paragraphs, and to variables that are named in `notes` these. `has_flow` says that the
+    model has a closed form of its state after a step, so that co-simulation needs no integration.
 
     Raises
     ------
@@ -113,7 +115,7 @@ def build(
     """
     sources = {name: text.encode() for name, text in model.items()}
     sources["runtime.c"] = runtime_text(
-        fmi, is_discrete=description.timestep is not None, has_arrays=bool(description.blocks)
+        fmi, is_discrete=description.timestep is not None, has_arrays=bool(description.blocks), has_flow=has_flow
     ).encode()
     token = _token(description.to_xml(fmi, ""), sources)
     # Circuits and dies spend their time in long loops, devices in few instructions.
@@ -157,11 +159,12 @@ def archive(content: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def runtime_text(fmi: FmiVersion, *, is_discrete: bool, has_arrays: bool = False) -> str:
+def runtime_text(fmi: FmiVersion, *, is_discrete: bool, has_arrays: bool = False, has_flow: bool = False) -> str:
     """The part of the runtime that a version and a kind of model need: its ``#if`` on these are decided here."""
     text = (files("ohmloom.fmu") / "runtime" / "runtime.c").read_text(encoding="utf-8")
     answers = {f"FMI_VERSION == {version}": version == fmi for version in get_args(FmiVersion)}
-    answers |= {"MODEL_IS_DISCRETE": is_discrete, "!MODEL_IS_DISCRETE": not is_discrete, "MODEL_HAS_ARRAYS": has_arrays}
+    answers |= {"MODEL_IS_DISCRETE": is_discrete, "!MODEL_IS_DISCRETE": not is_discrete, "MODEL_HAS_ARRAYS": has_arrays,
+                "MODEL_HAS_FLOW": has_flow}  # fmt: skip
     # For each open #if: whether its branch is kept, or None if it is the compiler's to decide.
     kept: list[str] = []
     stack: list[bool | None] = []

@@ -8,6 +8,7 @@ from ohmloom.devices import LAWS, Device
 from ohmloom.errors import ParameterError, expect_number, expect_type
 from ohmloom.fmu._compile import Platforms
 from ohmloom.fmu._device_code import device_code, device_description
+from ohmloom.fmu._flux_code import FLOWS
 from ohmloom.fmu.build import Export, build, check_options
 from ohmloom.fmu.description import FmiVersion
 
@@ -25,8 +26,9 @@ def export_device(
     In: `v` in V, of the first terminal above the second. Out: `i` in A, positive into the first terminal; `q` in C,
     the state charge ``s q_d``; `memristance` in Ohm and `weight` ``G/G_on``, both at vanishing voltage. Parameters:
     those of the card, tunable, and `q0`, the charge at the start. The charge stops exactly at 0 and q_d, which are
-    events, and leaves when the drive turns. Inputs are held over a communication step; each of its inner steps has an
-    error of at most the tolerance (1e-8 unless the importer sets it) times q_d.
+    events, and leaves when the drive turns. Inputs are held over a communication step, which is exact for laws with a
+    closed form; for others each of its inner steps has an error of at most the tolerance (1e-8 unless the importer sets
+    it) times q_d.
 
     Parameters
     ----------
@@ -81,4 +83,5 @@ def export_device(
         "Licence: Apache-2.0, see licenses/license.txt.",
     ]
     return build(path, description, device_code(device, description), paragraphs, fmi=fmi, platforms=platforms,
-                 notes={name: f"; {text}" for name, text in device.sources.items()})  # fmt: skip
+                 notes={name: f"; {text}" for name, text in device.sources.items()},
+                 has_flow=law.name in FLOWS)  # fmt: skip

@@ -276,6 +276,11 @@ static int solve(const double *p, const double *c, const double *u, const double
         w->slope[k] = conductance(device_kind[k], state_of(c, x, k), 0.0, p);
         w->current[k] = w->slope[k] * across(w->v, k);
     }
+    if (N_FREE == 0) { /* every node is held */
+        if (!IS_OHMIC)
+            unbalance(p, c, u, x, w, w->v);
+        return 1;
+    }
     sum_currents(u, w, w->v, w->b);
     if (!factor(w))
         return 0;
@@ -333,7 +338,7 @@ static void netlist_rates(const double *p, const double *c, const double *u, con
         is_solved = solve(p, c, u, x, &w);
     for (k = 0; k < N_DEVICES; k++)
         rates[k] = is_solved ? charge_rate(device_kind[k], state_of(c, x, k), across(w.v, k), w.current[k], p) : NAN;
-    if (is_solved)
+    if (is_solved && N_CAPACITORS)
         sum_currents(u, &w, w.v, w.b);
     charge_capacitors(&w, w.v, rates);
     for (k = N_DEVICES; !is_solved && k < N_X; k++)

@@ -15,7 +15,8 @@
  *
  *     x' = rates(p, c, u, x),  y = outputs(p, c, u, x),  low <= x <= high,  c = constants(p)
  *
- * and their derivatives: forward sets (drates, dy) from (du, dx), adjoint adds to (du, dx) from (drates, dy).
+ * and their derivatives: forward sets (drates, dy) from (du, dx), adjoint adds to (du, dx) from (drates, dy). Where it has
+ * one state in a closed form, x after a time = flow(p, c, u, x, time) is that (MODEL_HAS_FLOW).
  *
  * The first N_LIMITED states have limits; the others' are infinite. A state that reaches a limit rests there (its mode is
  * that limit) until its rate points inward; both are events. The rates themselves know nothing of modes: they are smooth,
@@ -324,6 +325,48 @@ static int settle(Instance *m, int *moved)
     return GOOD;
 }
 
+#if MODEL_HAS_FLOW
+/* ------------------------------------------------------------------------------ co-simulation, in the model's closed form */
+
+static double flow(const State *s, double duration)
+{
+    return model_flow(s->value + FIRST_P, s->constant, s->value + FIRST_U, s->value + FIRST_X, duration);
+}
+
+/* Within a duration after which the state would have passed a limit: when it arrives. */
+static double arrival(const State *s, double duration)
+{
+    double low = 0.0, high = duration;
+    int count;
+    for (count = 0; count < 60; count++) {
+        const double middle = 0.5 * (low + high), x = flow(s, middle);
+        if (x < s->low[0] || x > s->high[0])
+            high = middle;
+        else
+            low = middle;
+    }
+    return high;
+}
+
+/* From the present time on over `duration`, inputs held. A state that rests is at a limit, and passes none. */
+static int advance(Instance *m, double duration)
+{
+    State *s = &m->s;
+    double x, held;
+    int moved;
+    /* What only a message tells costs a look at the rates. */
+    if (m->is_talkative ? settle(m, &moved) : know_constants(m))
+        return BAD;
+    s->value[FIRST_X] = within(s->value[FIRST_X], s->low[0], s->high[0]); /* parameters may have moved the limits */
+    x = flow(s, duration);
+    held = within(x, s->low[0], s->high[0]);
+    if (m->is_talkative && x != held && !s->mode[0])
+        s->value[0] += arrival(s, duration); /* the time that the message tells */
+    s->value[FIRST_X] = held;
+    s->rates_known = s->outputs_known = 0;
+    return m->is_talkative ? settle(m, &moved) : GOOD;
+}
+#else
 /* --------------------------- co-simulation: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19, orders 5 and 4 */
 
 #define EACH(n) for (n = 0; n < N_X; n++)
@@ -446,6 +489,7 @@ static int advance(Instance *m, double duration)
     }
     return GOOD;
 }
+#endif
 
 #endif
 static int step(Instance *m, double time, double duration)
