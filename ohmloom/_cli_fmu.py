@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="FMUs: export models, check and run any FMU.")
 
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="FMU (*.fmu).")]
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="FMU (*.fmu), or a system (*.ssp).")]
 OutOption = Annotated[Path, typer.Option(help="FILE.fmu; of a system also FILE.ssp.")]
 FmiOption = Annotated[Literal["2", "3"], typer.Option("--fmi", help="Version of FMI: 2.0 or 3.0.")]
 PlatformsOption = Annotated[
@@ -52,7 +52,7 @@ def fmu_export(
         typer.Argument(
             metavar="[CARD|FILE|NET]",
             help="device: a shipped card or a TOML file; crossbar: a *.netlist.json, or a *.net.json with --hardware; "
-            "others: a *.net.json.",
+            "controllers and systems: a *.net.json.",
         ),
     ] = None,
     *,
@@ -170,7 +170,7 @@ def _circuit(source: str, hardware: str | None, tile: str | None) -> Netlist:
 
 @app.command("check")
 def fmu_check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="FMU (*.fmu), or a system (*.ssp).")],
+    file: FileArgument,
     start_values: StartOption = None,
     timeout: TimeoutOption = 60.0,
     json_: JsonOption = False,

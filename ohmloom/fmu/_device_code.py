@@ -108,11 +108,11 @@ enum { N_P = @n_p@, N_U = 1, N_X = 1, N_LIMITED = 1, N_Y = 3, N_C = 2 };
 
 @variables@
 
-static const char *model_check(const double *p)
+static const char *model_check(const double *p, int is_starting)
 {
 @checks@
     /* The largest charge, but for rounding. */
-    if (p[@q0@] > law_charge_scale(p) * (1.0 + 1e-12))
+    if (is_starting && p[@q0@] > law_charge_scale(p) * (1.0 + 1e-12))
         return "q0: expected at most the charge q_d at which the state is 1";
     return NULL;
 }

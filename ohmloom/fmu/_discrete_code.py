@@ -212,9 +212,9 @@ typedef Controller Memory;
 
 @variables@
 
-static const char *model_check(const double *p)
+static const char *model_check(const double *p, int is_starting)
 {
-    (void)p;
+    (void)p, (void)is_starting;
     return NULL;
 }
 
@@ -252,9 +252,9 @@ typedef Arena Memory;
 
 @variables@
 
-static const char *model_check(const double *p)
+static const char *model_check(const double *p, int is_starting)
 {
-    (void)p;
+    (void)p, (void)is_starting;
     return NULL;
 }
 
@@ -287,9 +287,9 @@ typedef struct {
 
 @variables@
 
-static const char *model_check(const double *p)
+static const char *model_check(const double *p, int is_starting)
 {
-    (void)p;
+    (void)p, (void)is_starting;
     return NULL;
 }
 

@@ -47,7 +47,7 @@ FLOWS = {
 {
     const double m = p[1] - (p[1] - p[0]) * s; /* its square falls in proportion to the flux */
     const double after = m * m - 2.0 * p[0] * p[1] * p[2] * phi;
-    return after > 0.0 ? 2.0 * phi / (m + sqrt(after)) : INFINITY;
+    return after > 0.0 && after < INFINITY ? 2.0 * phi / (m + sqrt(after)) : phi > 0.0 ? INFINITY : -INFINITY;
 }
 """,
     "linear": """static double linear_flow(double s, double phi, const double *p)

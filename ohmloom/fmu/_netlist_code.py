@@ -236,12 +236,14 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
                                   start=m.s0 * q_d, low=0.0, high=1e300))  # fmt: skip
     at_start = [name.replace("voltage.", "voltage0.", 1) for name in voltages]
     for name_, c in zip(at_start, circuit.capacitors, strict=True):
-        variables.append(Variable(name=name_, kind="start", unit="V", doc="of p above n at the start", start=c.initial,
-                                  low=-LARGEST_VOLTAGE, high=LARGEST_VOLTAGE))  # fmt: skip
+        variables.append(Variable(name=name_, kind="start", unit="V", doc="of p above n at the start",
+                                  start=_at_start(name_, c.initial, LARGEST_VOLTAGE, "V"), low=-LARGEST_VOLTAGE,
+                                  high=LARGEST_VOLTAGE))  # fmt: skip
     for name_, (waveform, unit, limit) in zip(inputs, values, strict=True):
         assert isinstance(waveform, Waveform)
         variables.append(Variable(name=name_, kind="input", unit=unit, doc="of a source, held over a step",
-                                  start=waveform.value(0.0), low=-limit, high=limit))  # fmt: skip
+                                  start=_at_start(name_, waveform.value(0.0), limit, unit), low=-limit,
+                                  high=limit))  # fmt: skip
     starts = [named("q0", suffix) for suffix in suffixes]
     for q, q0, q_d in zip(charges, starts, scales, strict=True):
         variables.append(Variable(name=q, kind="state", unit="C", doc="state charge, from 0 to q_d", nominal=q_d,
@@ -265,6 +267,13 @@ def netlist_description(name: str, label: str, circuit: Circuit) -> tuple[Descri
     description = Description(name=name, identifier=label, doc=f"{len(charges)} memristors in a circuit", stop_time=1.0,
                               step_size=0.01, variables=tuple(variables))  # fmt: skip
     return description, [place for _, place in outputs]
+
+
+def _at_start(name: str, value: float, limit: float, unit: str) -> float:
+    if not abs(value) <= limit:
+        raise ParameterError(f"export_crossbar: {name}: expected at most {limit:g} {unit} at the start, got "
+                             f"{value:g} {unit}. Correct the netlist.")  # fmt: skip
+    return value
 
 
 def with_arrays(description: Description) -> Description:

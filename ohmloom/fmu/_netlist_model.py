@@ -101,13 +101,13 @@ enum { N_FREE = @free@, BAND = @band@, N_SOURCES = @sources@, N_CURRENTS = @curr
 
 @variables@
 
-static const char *model_check(const double *p)
+static const char *model_check(const double *p, int is_starting)
 {
     double c[N_C];
     int k;
 @checks@
 @constants@
-    for (k = 0; k < N_DEVICES; k++)
+    for (k = 0; is_starting && k < N_DEVICES; k++)
         if (p[FIRST_Q0 + k] > c[device_kind[k]] * (1.0 + 1e-12)) /* but for rounding */
             return "charge at the start: expected at most the charge q_d at which the state is 1";
     return NULL;

@@ -20,7 +20,7 @@ from ohmloom.fmu._archive import Archive, open_archive
 from ohmloom.fmu._probe import SHORT
 from ohmloom.fmu._process import MEMORY, TIMEOUT, run_probe
 from ohmloom.fmu.run import check_value
-from ohmloom.fmu.ssp import System, by_component, is_system, run_ssp, unpack
+from ohmloom.fmu.ssp import PREFIX, System, by_component, is_system, named, named_within, run_ssp, unpack
 
 Status = Literal["passed", "failed", "skipped"]
 # Clients integrate model exchange by themselves, each with its own error; what they hold and step agrees to rounding.
@@ -126,18 +126,15 @@ def check(
 def _check_system(path: Path, start_values: Mapping[str, Any], timeout: float, memory: int) -> Check:
     rows: list[CheckRow] = []
     limits: Limits = {"timeout": timeout, "memory": memory}
-    with tempfile.TemporaryDirectory(prefix="ohmloom-ssp-") as folder:
+    with tempfile.TemporaryDirectory(prefix=PREFIX) as folder:
         structure = unpack(path, Path(folder))
         given = by_component(path, structure, start_values)
         versions = set()
         for name, source in structure.sources.items():
-            try:
+            with named_within(path):
                 found = check(Path(folder) / source, start_values=given[name], **limits)
-            except OhmloomError as error:
-                raise type(error)(*(p.replace(f"{folder}/", f"{path}:") for p in error.problems)) from error
             versions.add(found.fmi)
-            rows += [replace(row, what=f"{name}: {row.what}", detail=row.detail.replace(f"{folder}/", f"{path}:"))
-                     for row in found.rows]  # fmt: skip
+            rows += [replace(row, what=f"{name}: {row.what}", detail=named(path, row.detail)) for row in found.rows]
 
     steps: list[float] = []
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmloom.circuits import MemristorCrossbar, Netlist, PulseTrain, memristor_netlist
 from ohmloom.circuits._topology import check_topology
-from ohmloom.circuits.elements import VCCS, VCVS, Capacitor, Resistor, VoltageSource
+from ohmloom.circuits.elements import GROUND, VCCS, VCVS, Capacitor, Memristor, Resistor, Simple, VoltageSource
 from ohmloom.devices.emit import identifier
 from ohmloom.errors import ParameterError, UnknownNameError, expect_type
 from ohmloom.fmu._compile import Platforms
@@ -67,9 +67,7 @@ def export_crossbar(
     path = check_options(where, out, fmi, platforms, arrays=arrays)
     netlist = _written_out(circuit) if isinstance(circuit, MemristorCrossbar) else circuit
     check_topology(netlist.flat, is_dc=False)
-    sources = [e for e in netlist.flat if isinstance(e, VoltageSource)]
-    is_crossbar = netlist.name == "crossbar" and all(re.fullmatch(r"[VH]_\d+", source.name) for source in sources)
-    is_crossbar = is_crossbar and not any(isinstance(e, Capacitor) for e in netlist.flat)
+    is_crossbar = _is_crossbar(netlist)
     found = analyse(where, netlist.flat, netlist.nodes, is_crossbar=is_crossbar)
     if any(isinstance(e, VCVS | VCCS) for e in netlist.flat):
         _charged(netlist).dc()  # which names the sources that leave no or more than one solution
@@ -145,6 +143,17 @@ def choose_tile(plan: Plan, name: str | None) -> int:
     if len(found) > 1:
         raise ParameterError(f"tile: expected one of {listed}, got {name!r}, which is several. Name its number.")
     return found[0]
+
+
+def _is_crossbar(netlist: Netlist) -> bool:
+    """Whether it is built and named as `memristor_netlist` does it, so that its variables can be named by line."""
+
+    def belongs(e: Simple) -> bool:
+        if isinstance(e, VoltageSource):
+            return bool(re.fullmatch(r"[VH]_\d+", e.name)) and GROUND in (e.p, e.n)
+        return isinstance(e, Resistor) or (isinstance(e, Memristor) and bool(re.fullmatch(r"D_\d+_\d+", e.name)))
+
+    return netlist.name == "crossbar" and all(map(belongs, netlist.flat))
 
 
 def _charged(netlist: Netlist) -> Netlist:

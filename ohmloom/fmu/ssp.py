@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -15,7 +16,15 @@ from xml.etree import ElementTree
 
 from ohmloom._arrays import frozen_array
 from ohmloom._files import DAMAGED_ZIP
-from ohmloom.errors import FileFormatError, MissingFileError, ParameterError, UnknownNameError, expect_number, shown
+from ohmloom.errors import (
+    FileFormatError,
+    MissingFileError,
+    OhmloomError,
+    ParameterError,
+    UnknownNameError,
+    expect_number,
+    shown,
+)
 from ohmloom.fmu._archive import check_entries, parse_xml
 from ohmloom.fmu._process import MEMORY, TIMEOUT
 from ohmloom.fmu.host import Host
@@ -24,6 +33,7 @@ from ohmloom.fmu.run import FmuTrace
 SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
 SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
 MOST_STEPS = 10_000_000
+PREFIX = "ohmloom-ssp-"  # of folders that systems are unpacked into
 
 Port = tuple[str, str]  # component and variable
 
@@ -95,10 +105,11 @@ def run_ssp(
         If an FMU fails.
     """
     path = Path(file)
-    if not path.is_file():
-        raise MissingFileError(f"{path}: expected an SSP file, got none. Check the path.")
-    with contextlib.ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ohmloom-ssp-")))
+    for name, x in (("stop_time", stop_time), ("step_size", step_size)):
+        if x is not None and not (expect_number(f"run_ssp: {name}", x) > 0.0 and math.isfinite(x)):
+            raise ParameterError(f"run_ssp: {name}: expected a time above 0 s, got {x:g}. Give one.")
+    with named_within(path), contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=PREFIX)))
         structure = unpack(path, folder)
         given = by_component(path, structure, start_values or {})
         hosts = {
@@ -107,13 +118,13 @@ def run_ssp(
         }
         order = plan(path, structure.wires, hosts)
         h = step_size or max((host.step_size or 0.0 for host in hosts.values()), default=0.0)
+        if h == 0.0:
+            raise ParameterError("run_ssp: step_size: expected a time above 0 s, got none, and its FMUs suggest none. "
+                                 "Give one.")  # fmt: skip
         end = stop_time or (steps or 0) * h or structure.stop_time or 1.0
-        for name, x in (("stop_time", end), ("step_size", h)):
-            if not (expect_number(f"run_ssp: {name}", x) > 0.0 and math.isfinite(x)):
-                raise ParameterError(f"run_ssp: {name}: expected a time above 0 s, got {x:g}. Give one.")
-        count = round(end / h)
-        if count > MOST_STEPS:
-            raise ParameterError(f"run_ssp: expected at most {MOST_STEPS} steps, got {count}. Take longer ones.")
+        if end / h > MOST_STEPS:
+            raise ParameterError(f"run_ssp: expected at most {MOST_STEPS} steps, got {end / h:.3g}. Take longer ones.")
+        count = max(1, round(end / h))
         return _run(path, hosts, structure.wires, order, count, h)
 
 
@@ -202,9 +213,25 @@ def _run(
     return FmuTrace(name=path.name, t=t, values=frozen)
 
 
-def is_system(file: Path | str) -> bool:
-    """Whether a file is an SSP archive, whatever its name."""
+@contextlib.contextmanager
+def named_within(path: Path) -> Iterator[None]:
+    """Errors name an FMU of a system by the system's file, not by the folder that it was unpacked into."""
     try:
+        yield
+    except OhmloomError as error:
+        raise type(error)(*(named(path, problem) for problem in error.problems)) from error
+
+
+def named(path: Path, text: str) -> str:
+    """The same for one text."""
+    return re.sub(rf"{re.escape(tempfile.gettempdir())}/{PREFIX}[^/ :]*/", f"{path}:", text)
+
+
+def is_system(file: Path | str) -> bool:
+    """Whether a file is an SSP archive, by its name or by what is inside."""
+    try:
+        if Path(file).suffix == ".ssp":
+            return True
         with zipfile.ZipFile(file) as archive:
             return "SystemStructure.ssd" in archive.namelist()
     except (OSError, TypeError, *DAMAGED_ZIP):
@@ -229,7 +256,11 @@ def unpack(path: Path, folder: Path) -> Structure:
     ------
     FileFormatError
         If it is no archive that is safe to unpack, or no flat SSP 1.0 system.
+    MissingFileError
+        If there is no such file.
     """
+    if not path.is_file():
+        raise MissingFileError(f"{path}: expected an SSP file, got none. Check the path.")
     try:
         with zipfile.ZipFile(path) as file:
             check_entries(path, file.infolist())
@@ -286,8 +317,18 @@ def _parse(path: Path, text: bytes) -> Structure:
         wires[into] = out
     experiment = root.find(f"{SSD}DefaultExperiment")
     found = None if experiment is None else experiment.get("stopTime")
-    stop = None if found is None else expect_number(f"{where}: stopTime", float(found))
+    stop = None if found is None else _time(f"{where}: stopTime", found)
     return Structure(sources=sources, parameters=parameters, wires=wires, stop_time=stop)
+
+
+def _time(where: str, text: str) -> float:
+    try:
+        time = float(text)
+    except ValueError:
+        time = math.nan
+    if not 0.0 < time < math.inf:
+        raise FileFormatError(f"{where}: expected a time above 0 s, got {shown(text)}. Correct it.")
+    return time
 
 
 def _parameters(where: str, component: ElementTree.Element) -> dict[str, float]:

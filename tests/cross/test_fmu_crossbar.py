@@ -401,6 +401,27 @@ def test_a_capacitor_in_series_charges_as_its_closed_form_says(tmp_path):
         np.testing.assert_allclose(found["v.a"], v, rtol=0, atol=1e-10 if interface == "CoSimulation" else 1e-6)
 
 
+@pytest.mark.parametrize("more", [
+    (VoltageSource(name="H_0", p="h", n="g", voltage=0.0), Resistor(name="R2", p="g", n="0", resistance=0.5)),
+    (VoltageSource(name="H_0", p="h", n="0", voltage=0.0), CurrentSource(name="I1", p="0", n="b", current=0.1)),
+    (VoltageSource(name="H_0", p="h", n="0", voltage=0.0), Memristor(name="M1", p="b", n="0", device=HP, s0=0.5)),
+], ids=["floating", "current", "name"])  # fmt: skip
+def test_what_is_only_named_a_crossbar_is_a_netlist(tmp_path, master, more):
+    netlist = Netlist(name="crossbar", elements=(
+        VoltageSource(name="V_0", p="a", n="0", voltage=1.0), Resistor(name="R1", p="a", n="b", resistance=1.0),
+        Memristor(name="D_0_0", p="b", n="h", device=HP, s0=0.5), *more,
+    ))  # fmt: skip
+    one = master(export_crossbar(netlist, tmp_path / "x.fmu").path)
+    assert one.get("i.H_0")[0] == pytest.approx(netlist.dc().i["H_0"], rel=1e-12)
+
+
+def test_a_start_value_is_within_its_range(tmp_path):
+    netlist = Netlist(elements=(VoltageSource(name="V1", p="a", n="0", voltage=1e9),
+                                Memristor(name="M1", p="a", n="0", device=HP, s0=0.5)))  # fmt: skip
+    with pytest.raises(ParameterError, match=r"voltage\.V1: expected at most 1e\+06 V at the start, got 1e\+09 V"):
+        export_crossbar(netlist, tmp_path / "x.fmu")
+
+
 @pytest.mark.parametrize(("elements", "text"), [
     ([Capacitor(name="C1", p="a", n="0", capacitance=1.0), Capacitor(name="C2", p="0", n="a", capacitance=1.0)],
      "C2: expected no loop of capacitors and voltage sources, got C1, C2. Put a resistance into it"),

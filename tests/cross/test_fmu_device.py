@@ -361,6 +361,31 @@ def test_parameters_are_tunable(instance, fmi):
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_limit_that_moves_takes_the_charge_along(instance, fmi):
+    """The range shrinks below where the charge is, and below where it began: only the start is judged by q0."""
+    one = instance(fmi)
+    one.set("q0", 0.99)
+    one.set("v", -1.0)
+    one.start()
+    one.set("beta", 200.0)
+    assert one.get("q", "der(q)", "i") == pytest.approx([0.495, -100.0, -100.0])
+    np.testing.assert_allclose(one.jacobian(("der(q)", "i"), ("v",)), [[100.0], [100.0]], rtol=1e-12)
+    one.step(0, 100)
+    assert one.get("q") == [0.0]
+
+
+@pytest.mark.parametrize("voltage", [1.0, -1.0])
+def test_the_longest_steps_end_at_a_wall(instance, voltage):
+    for time in (1e9, 1e294, 1e303, 1e308):
+        one = instance(2)
+        one.set("q0", 0.5)
+        one.set("v", 1e6 * voltage)
+        one.start()
+        one.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=time)
+        assert one.get("q") == pytest.approx([0.99 if voltage > 0.0 else 0.0])
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize(
     ("name", "value", "text"),
     [

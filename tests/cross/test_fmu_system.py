@@ -218,6 +218,24 @@ def test_bad_systems_are_refused(hp, tmp_path):
     twice = system(tmp_path / "twice.ssp", [("a.i", "b.v"), ("a.q", "b.v")], {"a": hp, "b": hp})
     with pytest.raises(FileFormatError, match=r"b\.v: expected one connection, got two"):
         run_ssp(twice)
+    one = system(tmp_path / "one.ssp", [], {"a": hp})
+    for name, value in (("stop_time", 0.0), ("step_size", 0.0)):
+        with pytest.raises(ParameterError, match=rf"run_ssp: {name}: expected a time above 0 s, got"):
+            run_ssp(one, **{name: value})
+    with pytest.raises(ParameterError, match=r"expected at most 10000000 steps, got 1e\+310|got inf|got 1e"):
+        run_ssp(one, stop_time=1e306, step_size=0.01)
+    with zipfile.ZipFile(one) as file:
+        inside = {name: file.read(name) for name in file.namelist()}
+    for text in ("abc", "", "-1", "nan"):
+        timed = inside["SystemStructure.ssd"].replace(b"</c:System>", (
+            f'</c:System><c:DefaultExperiment stopTime="{text}"/>').encode())  # fmt: skip
+        assert timed != inside["SystemStructure.ssd"]
+        (tmp_path / "timed.ssp").write_bytes(archive(inside | {"SystemStructure.ssd": timed}))
+        with pytest.raises(FileFormatError, match=r"SystemStructure.ssd: stopTime: expected a time above 0 s, got"):
+            run_ssp(tmp_path / "timed.ssp")
+    # By its place in the system's file, not by where that was unpacked.
+    with pytest.raises(ParameterError, match=r"one\.ssp:resources/.*: q0: expected"):
+        run_ssp(one, start_values={"a.q0": -1.0})
     with pytest.raises(UnknownNameError, match=r"start values: component"):
         run_ssp(system(tmp_path / "one.ssp", [], {"a": hp}), start_values={"z.v": 1.0})
     with pytest.raises(ParameterError, match=r"export_system: out: expected a file that ends in .fmu or .ssp"):

@@ -161,13 +161,25 @@ static int may_call(Instance *m, const char *function, int phases)
 
 static double *part(State *s, int first) { return s->value + first; }
 
+#if !MODEL_IS_DISCRETE
+/* As fmin(fmax(x, low), high), without a call. */
+static double within(double x, double low, double high) { return x > high ? high : x < low ? low : x; }
+
+static void keep_within(const State *s, const double *x, double *inside)
+{
+    int k;
+    for (k = 0; k < N_X; k++)
+        inside[k] = within(x[k], s->low[k], s->high[k]);
+}
+#endif
+
 static int know_constants(Instance *m)
 {
     State *s = &m->s;
     const char *problem;
     if (s->constants_known)
         return GOOD;
-    problem = model_check(part(s, FIRST_P));
+    problem = model_check(part(s, FIRST_P), s->phase & (CREATED | INITIALIZING));
     if (problem)
         return refuse(m, "%s", problem);
 #if MODEL_IS_DISCRETE
@@ -210,6 +222,8 @@ static int advance(Instance *m, double duration)
     model_limits(part(s, FIRST_P), s->constant, s->low, s->high);
     if (s->phase & (CREATED | INITIALIZING))
         model_start(part(s, FIRST_P), s->constant, part(s, FIRST_X));
+    else if (s->is_cosimulation) /* in model exchange, an event update does so */
+        keep_within(s, part(s, FIRST_X), part(s, FIRST_X));
     s->constants_known = 1;
     s->rates_known = s->outputs_known = 0;
     return GOOD;
@@ -218,16 +232,11 @@ static int advance(Instance *m, double duration)
 /* What errors of a state are shares of: its range, or, where it has none, 1 of its unit. */
 static double range_of(const State *s, int k) { return k < N_LIMITED ? s->high[k] - s->low[k] : 1.0; }
 
-/* As fmin(fmax(x, low), high), without a call. */
-static double within(double x, double low, double high) { return x > high ? high : x < low ? low : x; }
-
 /* Rates at x, which is taken into the limits first: a solver's trial step may lie beyond one. */
 static void rates_at(const State *s, const double *x, double *rates)
 {
     double inside[N_X];
-    int k;
-    for (k = 0; k < N_X; k++)
-        inside[k] = within(x[k], s->low[k], s->high[k]);
+    keep_within(s, x, inside);
     model_rates(s->value + FIRST_P, s->constant, s->value + FIRST_U, inside, rates);
 }
 
@@ -274,8 +283,7 @@ static int know_outputs(Instance *m)
         return BAD;
     if (s->outputs_known)
         return GOOD;
-    for (k = 0; k < N_X; k++)
-        inside[k] = within(s->value[FIRST_X + k], s->low[k], s->high[k]);
+    keep_within(s, part(s, FIRST_X), inside);
     model_outputs(part(s, FIRST_P), s->constant, part(s, FIRST_U), inside, part(s, FIRST_Y));
     for (k = 0; k < N_Y; k++)
         if (!isfinite(s->value[FIRST_Y + k]))
@@ -357,7 +365,6 @@ static int advance(Instance *m, double duration)
     /* What only a message tells costs a look at the rates. */
     if (m->is_talkative ? settle(m, &moved) : know_constants(m))
         return BAD;
-    s->value[FIRST_X] = within(s->value[FIRST_X], s->low[0], s->high[0]); /* parameters may have moved the limits */
     x = flow(s, duration);
     held = within(x, s->low[0], s->high[0]);
     if (m->is_talkative && x != held && !s->mode[0])
@@ -643,11 +650,13 @@ static int differentiate(Instance *m, const unsigned int *unknowns, size_t n_unk
 {
     State *s = &m->s;
     Seeds d;
+    double inside[N_X];
     size_t k;
     int n;
     memset(&d, 0, sizeof d);
     if (!may_call(m, "Derivative", INITIALIZING | RUNNING | TERMINATED) || know_rates(m))
         return BAD;
+    keep_within(s, part(s, FIRST_X), inside);
     for (k = 0; k < n_unknowns; k++)
         if (!place_of(&d, unknowns[k], 1))
             return refuse(m, "expected an output or a derivative as unknown, got value reference %u", unknowns[k]);
@@ -660,9 +669,9 @@ static int differentiate(Instance *m, const unsigned int *unknowns, size_t n_unk
         for (n = 0; n < N_X; n++)
             if (s->mode[n])
                 d.drates[n] = 0.0;
-        model_adjoint(part(s, FIRST_P), s->constant, part(s, FIRST_U), part(s, FIRST_X), d.drates, d.dy, d.du, d.dx);
+        model_adjoint(part(s, FIRST_P), s->constant, part(s, FIRST_U), inside, d.drates, d.dy, d.du, d.dx);
     } else {
-        model_forward(part(s, FIRST_P), s->constant, part(s, FIRST_U), part(s, FIRST_X), d.du, d.dx, d.drates, d.dy);
+        model_forward(part(s, FIRST_P), s->constant, part(s, FIRST_U), inside, d.du, d.dx, d.drates, d.dy);
         for (n = 0; n < N_X; n++)
             if (s->mode[n])
                 d.drates[n] = 0.0;
