@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from functools import cache
@@ -50,7 +51,7 @@ def save_paper(results: Results, findings: Sequence[Finding], out: Path, *, comm
     written: dict[Path, str | bytes] = {out / "tables" / f"{table.name}.csv": table.to_csv() for table in found}
     for name, _, draw in pictures:
         written |= {out / "figures" / f"{name}.{form}": data for form, data in figure_files(draw, ["svg"])}
-    written[out / "index.md"] = _index(findings, found[0], made)
+    written[out / "index.md"] = _index(findings, found, made)
     written[out / "tables.md"] = "# Tables\n\n" + "\n".join(_section(table) for table in found[1:])
     written[out / "figures.md"] = "# Figures\n\n" + "\n".join(
         f"## {name.replace('_', ' ').capitalize()}\n\n![{caption}](figures/{name}.svg)\n\n{caption}\n"
@@ -98,16 +99,21 @@ def _answers(findings: Sequence[Finding]) -> list[tuple[str, str]]:
     return rows
 
 
-def _index(findings: Sequence[Finding], claims: Table, made: str) -> str:
+def _index(findings: Sequence[Finding], tables: Sequence[Table], made: str) -> str:
     questions = Table(name="questions", title="", head=("question", "claims that reproduce"),
                       rows=tuple(_answers(findings)))  # fmt: skip
     command = made.partition(": ")
+    # As repositories and Sphinx make anchors of headings.
+    links = [
+        f"- [{t.title}](tables.md#{re.sub(r'[^a-z0-9 -]', '', t.title.lower()).replace(' ', '-')})" for t in tables[1:]
+    ]
     return (
         f"# What of the paper reproduces\n\n{SOURCE}\n\n{command[0]}:\n\n```text\n{command[2]}\n```\n\n"
-        f"{_summary(findings)}\n\n{questions.to_markdown()}\n## Claims\n\n{claims.to_markdown()}"
+        f"{_summary(findings)}\n\n{questions.to_markdown()}\nAll on one page: [paper.html](paper.html). "
+        "[Figures](figures.md). Tables:\n\n" + "\n".join(links) + f"\n\n## Claims\n\n{tables[0].to_markdown()}"
     )
 
 
 def _section(table: Table) -> str:
     note = f"\n{table.note}\n" if table.note else ""
-    return f"({table.name})=\n\n## {table.title}\n\n{table.to_markdown()}{note}"
+    return f"## {table.title}\n\n{table.to_markdown()}{note}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -35,8 +37,17 @@ SMOOTHED = 10  # timesteps, Section XII-A
 WIDTH = 8.4  # inches
 
 
-def figures(results: Results) -> Iterator[tuple[str, str, Callable[[], Figure]]]:
-    """Name, caption and drawing of each figure."""
+def figures(results: Results) -> list[tuple[str, str, Callable[[], Figure]]]:
+    """Name, caption and drawing of each figure, in the paper's order; our own stand last."""
+
+    def number(name: str) -> float:
+        found = re.match(r"figure_(\d+)", name)
+        return int(found[1]) if found else math.inf
+
+    return sorted(_drawings(results), key=lambda figure: number(figure[0]))
+
+
+def _drawings(results: Results) -> Iterator[tuple[str, str, Callable[[], Figure]]]:
     yield "figure_1", "Fig. 1: memristance and weight of each kind against the number of STDP events.", plot_profiles
     for number, task, systems in (
         ("4", "static", ("HP", "PEO", "LIN", "GA")), ("6", "static", ("HET", "PEO", "LIN", "GA")),

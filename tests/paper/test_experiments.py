@@ -102,6 +102,13 @@ def test_pages_hold_every_table_of_the_paper_and_a_line_per_claim(results, tmp_p
     )
     lines = (tmp_path / "index.md").read_text().splitlines()
     assert sum(line.startswith("| IX-A |") for line in lines) == 12
+    # Each table has its link, in the form that repositories make of headings.
+    headings = [line[3:] for line in (tmp_path / "tables.md").read_text().splitlines() if line.startswith("## ")]
+    links = {f"[{title}](tables.md#{re.sub('[^a-z0-9 -]', '', title.lower()).replace(' ', '-')})" for title in headings}
+    assert links == {line[2:] for line in lines if line.startswith("- [")}
+    assert len(links) >= 12
+    numbers = [int(n) for n in re.findall(r"^## Figure (\d+)", (tmp_path / "figures.md").read_text(), flags=re.M)]
+    assert numbers == sorted(numbers)
 
 
 def test_no_claim_is_judged_from_two_runs(results):
