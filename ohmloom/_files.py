@@ -30,9 +30,9 @@ M = TypeVar("M", bound=pydantic.BaseModel)
 TEXT_LIMIT = 16_000_000  # bytes; ours are far smaller
 DEPTH_LIMIT = 64  # levels of nesting; ours have five
 WRITES = 5  # of a file whose temporary others remove
-# What zipfile raises for an archive that it cannot read: no archive, damaged data, cut short, a compression that it
-# does not know, an encrypted entry (for which it has no narrower class).
-DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
+# What zipfile raises for an archive that it cannot read: no archive, damaged data, cut short; and, for an encrypted
+# entry or a compression that it does not know, a bare RuntimeError or its child NotImplementedError.
+DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
 # tomllib takes a time that grows with the cube of a dotted key's length, so long ones are refused unread.
 _LONG_KEY = re.compile(r"""(?m)(?:^|[\[{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){64}""")
 

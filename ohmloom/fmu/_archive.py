@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import stat
 import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -72,7 +71,7 @@ class Archive:
         try:
             with zipfile.ZipFile(self.path) as file:
                 file.extractall(folder)
-        except (zipfile.BadZipFile, zlib.error, OSError, EOFError) as error:
+        except (OSError, *DAMAGED_ZIP) as error:
             raise FileFormatError(f"{self.path}: expected a whole zip file, got {error}. Fetch it again.") from error
 
 

@@ -224,7 +224,7 @@ def named_within(path: Path) -> Iterator[None]:
 
 def named(path: Path, text: str) -> str:
     """The same for one text."""
-    return re.sub(rf"{re.escape(tempfile.gettempdir())}/{PREFIX}[^/ :]*/", f"{path}:", text)
+    return re.sub(rf"{re.escape(tempfile.gettempdir())}[/\\]{PREFIX}[^/\\ :]*[/\\]", lambda _: f"{path}:", text)
 
 
 def is_system(file: Path | str) -> bool:

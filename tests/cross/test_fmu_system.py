@@ -222,7 +222,7 @@ def test_bad_systems_are_refused(hp, tmp_path):
     for name, value in (("stop_time", 0.0), ("step_size", 0.0)):
         with pytest.raises(ParameterError, match=rf"run_ssp: {name}: expected a time above 0 s, got"):
             run_ssp(one, **{name: value})
-    with pytest.raises(ParameterError, match=r"expected at most 10000000 steps, got 1e\+310|got inf|got 1e"):
+    with pytest.raises(ParameterError, match=r"expected at most 10000000 steps, got 1e\+308"):
         run_ssp(one, stop_time=1e306, step_size=0.01)
     with zipfile.ZipFile(one) as file:
         inside = {name: file.read(name) for name in file.namelist()}

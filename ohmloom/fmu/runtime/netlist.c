@@ -5,8 +5,9 @@
  * with a charge x, s = x/c in [0, 1], and the current G(s, v) v from p to n. States are charges, then capacitors' voltages.
  *
  * Kirchhoff's current law at the free nodes is solved for their potentials; matrices are symmetric and positive. Not so
- * where sources are controlled, or sources or capacitors stand between free nodes (IS_GENERAL): their currents are unknowns that are numbered as
- * free nodes are, and `links` is what they add: a share of one potential to the current into another place.
+ * where sources are controlled, or sources or capacitors stand between free nodes (IS_GENERAL): their currents are
+ * unknowns that are numbered as free nodes are, and `links` is what they add: a share of one potential to the current into
+ * another place.
  */
 enum { GROUND = N_FREE, N_HELD = N_SOURCES + N_CAPACITORS, N_ALL = N_FREE + 1 + N_HELD };
 #if IS_GENERAL
@@ -338,9 +339,10 @@ static void netlist_rates(const double *p, const double *c, const double *u, con
         is_solved = solve(p, c, u, x, &w);
     for (k = 0; k < N_DEVICES; k++)
         rates[k] = is_solved ? charge_rate(device_kind[k], state_of(c, x, k), across(w.v, k), w.current[k], p) : NAN;
-    if (is_solved && N_CAPACITORS)
+    if (is_solved && N_CAPACITORS) {
         sum_currents(u, &w, w.v, w.b);
-    charge_capacitors(&w, w.v, rates);
+        charge_capacitors(&w, w.v, rates);
+    }
     for (k = N_DEVICES; !is_solved && k < N_X; k++)
         rates[k] = NAN;
     free(w.v);

@@ -74,7 +74,7 @@ static Slopes slopes(int kind, int t, double s, double drive)
     return found;
 }
 
-/* Slopes at the three stages of a step, whose rates so far are f; returns what the middle one adds to the integral. */
+/* Rates g and integrands y at the three stages of a step, whose rates so far are f. */
 static void look_at_stages(int kind, int t, double s, double drive, double span, const double *f, double *g, double *y)
 {
     int k;

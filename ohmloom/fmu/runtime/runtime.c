@@ -292,8 +292,8 @@ static int know_outputs(Instance *m)
     return GOOD;
 }
 
-/* Two per limited state, positive until something happens: at low, and at high. Where the state moves, its distance from the
- * limit, in shares of the range; where it rests, how strongly its rate holds it there, in ranges per second. */
+/* Two per limited state, positive until something happens: at low, and at high. Where the state moves, its distance from
+ * the limit, in shares of the range; where it rests, how strongly its rate holds it there, in ranges per second. */
 static int know_indicators(Instance *m)
 {
     State *s = &m->s;
@@ -334,7 +334,7 @@ static int settle(Instance *m, int *moved)
 }
 
 #if MODEL_HAS_FLOW
-/* ------------------------------------------------------------------------------ co-simulation, in the model's closed form */
+/* ---------------------------------------------------------------------------- co-simulation, in the model's closed form */
 
 static double flow(const State *s, double duration)
 {
