@@ -169,14 +169,15 @@ def plot_sobol(sobol: Sequence[Mapping[str, Any]], ax: Axes | None = None) -> Ax
 
 def plot_convergence(rows: Sequence[Mapping[str, Any]], ax: Axes | None = None) -> Axes:
     """Draw mu* of each factor over the number of trajectories."""
-    ax = _axes(ax, 6.4, 3.2)
+    ax = _axes(ax, 7.4, 3.2)
     names = sorted(rows[-1]["mu_star"], key=lambda name: -rows[-1]["mu_star"][name])
     for k, name in enumerate(names):
         ax.plot([row["trajectories"] for row in rows], [row["mu_star"].get(name, np.nan) for row in rows], marker=".",
                 linewidth=1.4, color=SERIES[k % len(SERIES)], linestyle=("-", "--", ":")[k // len(SERIES) % 3],
                 label=name)  # fmt: skip
     ax.set(xlabel="trajectories", ylabel="mu*")
-    return _legend(ax)
+    # Beside the lines: with many factors there is no room among them.
+    return _legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def plot_events(ideal: npt.NDArray[Any], hardware: npt.NDArray[Any] | None, ax: Axes | None = None) -> Axes:
@@ -227,9 +228,9 @@ def _bare(ax: Axes) -> Axes:
     return ax
 
 
-def _legend(ax: Axes) -> Axes:
+def _legend(ax: Axes, **place: Any) -> Axes:
     ax.spines[["top", "right"]].set_visible(False)
-    legend = ax.legend(frameon=False, fontsize=SMALL)
+    legend = ax.legend(frameon=False, fontsize=SMALL, **place)
     for text in legend.get_texts():
         text.set_parse_math(False)
     return ax
