@@ -68,6 +68,10 @@ def _drawings(results: Results) -> Iterator[tuple[str, str, Callable[[], Figure]
         best = results.networks[task, "HET"][results.best_network(task, "HET")]
         yield (f"figure_{number}", f"{_name(number)}: the best HET network of the {task} task; dark neurons inhibit, "
                "colours are kinds of synapse.", partial(plot_topology, best))  # fmt: skip
+    if "best" in results.tasks:
+        yield ("best_course", "Fitness, neurons, connectivity, static task at the search's best combination; mean over "
+               "runs, 95 % interval.",
+               partial(plot_course, results, "best", results.tasks["best"], COURSE))  # fmt: skip
     yield ("solve_rates", "Random networks that solve the static task, for each reading of what the paper leaves open, "
            "one at a time; lines: what its numbers imply.", partial(plot_solve_rates, results))  # fmt: skip
     yield ("fresh_starts", "Fitness of each best network, and its success on starts that it has not seen.",

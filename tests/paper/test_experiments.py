@@ -7,6 +7,7 @@ import math
 import os
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,10 @@ from ohmloom.errors import SettingsConflictError
 from ohmloom.neurocontroller import Network, Readings, SpikingController
 from ohmloom.report.paper_page import save_paper
 from ohmloom.sim import Arena, run_trial
+from ohmloom.sim.evolution import EvolutionSettings, evolve
 from ohmloom.sim.paper import claim_tests
 from ohmloom.sim.paper.activity import Activity, record_activity
-from ohmloom.sim.paper.claims import CLAIMS, QUESTIONS, examine
+from ohmloom.sim.paper.claims import CLAIMS, QUESTIONS, examine, examine_at_best
 from ohmloom.sim.paper.compare import Difference, holm, rank_test, resampled_p, welch
 from ohmloom.sim.paper.experiment import Count, PaperSettings, run_paper, stages
 from ohmloom.sim.paper.published import published
@@ -93,6 +95,7 @@ def test_pages_hold_every_table_of_the_paper_and_a_line_per_claim(results, tmp_p
         f"tables/table_{n}.csv" for n in ["I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX", "X", "XI", "XII"]
     } <= names
     assert {f"figures/figure_{n}.svg" for n in (1, 4, 5, 6, 7, 8, 9, 10, "10d", "12_activity", "12d")} <= names
+    assert "figures/best_course.svg" in names
     page = (tmp_path / "paper.html").read_text()
     assert "&lt;b&gt;x&lt;/b&gt;" in page
     assert "<b>x</b>" not in page
@@ -114,6 +117,46 @@ def test_pages_hold_every_table_of_the_paper_and_a_line_per_claim(results, tmp_p
 def test_no_claim_is_judged_from_two_runs(results):
     assert {finding.verdict for finding in examine(results)} == {"cannot be tested here"}
     assert len(claims_table(examine(results)).rows) == len(examine(results)) >= len(CLAIMS)
+
+
+def test_claims_about_the_static_task_are_examined_at_the_best_combination_too(finished, tmp_path):
+    # The search of so small a run ends at the default; other evolutions stand in for those at its best.
+    experiment, others = finished[0], {}
+    for system in ("HP", "PEO", "LIN", "GA", "HET"):
+        settings = EvolutionSettings(system=system, repeats=2, generations=1, population=3, axle=0.1, seed=9)
+        others["best", system] = evolve(settings, out=tmp_path / system)
+    networks = [Network.load(repeat.network) for repeat in others["best", "HET"].repeats]
+    arena = others["best", "HET"].settings.arena()
+    recorded = tuple(record_activity(one, arena, int(one.provenance["trial_key"])) for one in networks)
+    results = Results(replace(experiment, evolutions=experiment.evolutions | others,
+                              activity=experiment.activity | {"best": recorded}))  # fmt: skip
+    table = next(table for table in tables(results) if table.name == "best_claims")
+    found = {row[1]: row[4] for row in table.rows}
+    assert set(found) == {f.claim for claim in CLAIMS if claim.task == "static" for f in claim.examine(results)}
+    for claim, pair in (("PEO-PANI networks become fitter than linear ones", ("PEO", "LIN")),
+                        ("mixed networks become fitter than GA ones", ("HET", "GA"))):  # fmt: skip
+        there, here = (results.compare_systems(task, "best_fitness")[pair].value for task in ("best", "static"))
+        assert found[claim].startswith(f"{there:+.3g}")
+        assert there != here
+    assert results.at_best.activities["static"] == recorded
+
+
+def test_activity_is_recorded_for_mixed_networks_of_every_task(results):
+    assert set(results.activities) == set(results.tasks)
+    for task in results.tasks:
+        evolution = results.experiment.evolutions[task, "HET"]
+        network = Network.load(evolution.repeats[1].network)
+        recorded = record_activity(network, evolution.settings.arena(), int(network.provenance["trial_key"]))
+        assert results.activities[task][1].to_dict() == recorded.to_dict()
+
+
+def test_without_evolutions_at_the_best_no_claim_is_examined_there(finished):
+    experiment = finished[0]
+    evolutions = {key: evolution for key, evolution in experiment.evolutions.items() if key[0] != "best"}
+    results = Results(replace(experiment, evolutions=evolutions))
+    assert results.at_best is None
+    assert examine_at_best(results) == []
+    assert not any(table.name.startswith(("best", "table_best")) for table in tables(results))
 
 
 def test_questions_name_claims_that_exist(results):

@@ -46,8 +46,15 @@ class Finding:
     verdict: Verdict
 
 
-Claim = Callable[[Results], Iterator[Finding]]
-Pair = Callable[[Results], tuple[FloatArray, FloatArray]]
+@dataclass(frozen=True)
+class Claim:
+    """The task that a claim is about, or nothing, and what a run's results say of it."""
+
+    task: str
+    examine: Callable[[Results], Iterator[Finding]]
+
+
+Pair = Callable[[Results, str], tuple[FloatArray, FloatArray]]  # of a task
 KIND_NAMES: Final = {"hp": "HP", "peo_pani": "PEO-PANI", "linear": "LIN"}
 MEASURE_NAMES: Final = {
     "performance": "generations to the first solution", "best_fitness": "best fitness", "mean_fitness": "mean fitness",
@@ -86,7 +93,7 @@ def systems(
     def examine(results: Results) -> Iterator[Finding]:
         yield _finding(section, claim, test, results.compare_systems(task, measure)[first, second], sign)
 
-    return examine
+    return Claim(task, examine)
 
 
 def kinds(section: str, place: str, first: str, second: str, claim: str, task: str = "static") -> Claim:
@@ -98,21 +105,21 @@ def kinds(section: str, place: str, first: str, second: str, claim: str, task: s
         test = f"synapses in the best HET networks, {KIND_NAMES[pair[0]]} less {KIND_NAMES[pair[1]]}"
         yield _finding(section, claim, test + ": Welch, Holm over the place", pairs[pair], larger)
 
-    return examine
+    return Claim(task, examine)
 
 
-def samples(section: str, claim: str, test: str, get: Pair) -> Claim:
+def samples(section: str, claim: str, test: str, get: Pair, task: str = "static") -> Claim:
     """The first sample's mean is larger than the second's."""
 
     def examine(results: Results) -> Iterator[Finding]:
-        first, second = get(results)
+        first, second = get(results, task)
         if min(len(first), len(second)) == 0:
             yield _without(section, claim, test, "no network has both kinds")
             return
         bare = welch(first, second)
         yield _finding(section, claim, test + ": Welch", replace(bare, p_holm=bare.p), 1)
 
-    return examine
+    return Claim(task, examine)
 
 
 def _without(section: str, claim: str, test: str, result: str) -> Finding:
@@ -135,12 +142,12 @@ def solved(section: str, system: str, missed: tuple[int, int], claim: str, task:
             n=f"{n}, {missed[1]}", result=f"{ours} of {n}", interval="", p=p, verdict=verdict,
         )  # fmt: skip
 
-    return examine
+    return Claim(task, examine)
 
 
 def never(section: str, claim: str, why: str) -> Claim:
     """What no test here can stand for."""
-    return lambda results: iter([_without(section, claim, "none", why)])
+    return Claim("", lambda results: iter([_without(section, claim, "none", why)]))
 
 
 def more_reliable(results: Results) -> Iterator[Finding]:
@@ -155,36 +162,36 @@ def more_reliable(results: Results) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def kinds_differ(kind: str, other: str, quantity: str, task: str, sign: str = "") -> Pair:
+def kinds_differ(kind: str, other: str, quantity: str, sign: str = "") -> Pair:
     """A quantity of `Results` for two kinds."""
 
-    def get(results: Results) -> tuple[FloatArray, FloatArray]:
+    def get(results: Results, task: str) -> tuple[FloatArray, FloatArray]:
         values = getattr(results, quantity)(task, sign) if sign else getattr(results, quantity)(task)
         return values[kind], values[other]
 
     return get
 
 
-def signs_differ(kind: str, larger: str, smaller: str, task: str, quantity: str = "set_up") -> Pair:
+def signs_differ(kind: str, larger: str, smaller: str, quantity: str = "set_up") -> Pair:
     """Events of two signs, for one kind."""
 
-    def get(results: Results) -> tuple[FloatArray, FloatArray]:
+    def get(results: Results, task: str) -> tuple[FloatArray, FloatArray]:
         of = getattr(results, quantity)
         return of(task, larger)[kind], of(task, smaller)[kind]
 
     return get
 
 
-def all_events(results: Results) -> tuple[FloatArray, FloatArray]:
-    """Positive and negative events per timestep, all kinds, whole trials of the static task."""
-    runs = results.activities["static"]
+def all_events(results: Results, task: str) -> tuple[FloatArray, FloatArray]:
+    """Positive and negative events per timestep, all kinds, whole trials."""
+    runs = results.activities[task]
     positive, negative = ([getattr(a, sign).sum(axis=1).mean() for a in runs] for sign in ("positive", "negative"))
     return np.array(positive), np.array(negative)
 
 
-def early_events(results: Results) -> tuple[FloatArray, FloatArray]:
+def early_events(results: Results, task: str) -> tuple[FloatArray, FloatArray]:
     """Events per timestep before and after timestep 250, of the trials that were longer."""
-    totals = [(a.positive + a.negative).sum(axis=1) for a in results.activities["static"]]
+    totals = [(a.positive + a.negative).sum(axis=1) for a in results.activities[task]]
     longer = [total for total in totals if len(total) > SET_UP]
     return (np.array([total[:SET_UP].mean() for total in longer]),
             np.array([total[SET_UP:].mean() for total in longer]))  # fmt: skip

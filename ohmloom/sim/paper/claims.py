@@ -25,7 +25,15 @@ from ohmloom.sim.paper.results import Results
 
 def examine(results: Results) -> list[Finding]:
     """Test every claim of `CLAIMS`, in the paper's order."""
-    return [finding for claim in CLAIMS for finding in claim(results)]
+    return [finding for claim in CLAIMS for finding in claim.examine(results)]
+
+
+def examine_at_best(results: Results) -> list[Finding]:
+    """Test the claims about the static task on the evolutions at the search's best combination; without any, none."""
+    at_best = results.at_best
+    if at_best is None:
+        return []
+    return [finding for claim in CLAIMS if claim.task == "static" for finding in claim.examine(at_best)]
 
 
 # The paper's hypotheses and research questions, and the claims that it answers them with.
@@ -109,7 +117,7 @@ CLAIMS: Final[tuple[Claim, ...]] = (
         "XII-A",
         "PEO-PANI weights end higher than HP weights",
         "mean weight at the end of the trial",
-        kinds_differ("peo_pani", "hp", "final_weight", "static"),
+        kinds_differ("peo_pani", "hp", "final_weight"),
     ),
     samples(
         "XII-A",
@@ -121,25 +129,25 @@ CLAIMS: Final[tuple[Claim, ...]] = (
         "XII-A",
         "in these, HP synapses are weakened more often than strengthened",
         "HP events per timestep, negative less positive",
-        signs_differ("hp", "negative", "positive", "static"),
+        signs_differ("hp", "negative", "positive"),
     ),
     samples(
         "XII-A",
         "in these, PEO-PANI synapses are strengthened more often than weakened",
         "PEO-PANI events per timestep, positive less negative",
-        signs_differ("peo_pani", "positive", "negative", "static"),
+        signs_differ("peo_pani", "positive", "negative"),
     ),
     samples(
         "XII-A",
         "in these, PEO-PANI synapses are strengthened more often than HP ones",
         "positive events per timestep, PEO-PANI less HP",
-        kinds_differ("peo_pani", "hp", "set_up", "static", "positive"),
+        kinds_differ("peo_pani", "hp", "set_up", "positive"),
     ),
     samples(
         "XII-A",
         "in these, HP synapses are weakened more often than PEO-PANI ones",
         "negative events per timestep, HP less PEO-PANI",
-        kinds_differ("hp", "peo_pani", "set_up", "static", "negative"),
+        kinds_differ("hp", "peo_pani", "set_up", "negative"),
     ),
     samples(
         "XII-A",
@@ -172,24 +180,27 @@ CLAIMS: Final[tuple[Claim, ...]] = (
         "XIII-B",
         "PEO-PANI weights are higher than HP weights",
         "mean weight over the trial",
-        kinds_differ("peo_pani", "hp", "mean_weight", "dynamic"),
+        kinds_differ("peo_pani", "hp", "mean_weight"),
+        "dynamic",
     ),
     samples(
         "XIII-B",
         "HP synapses are weakened more often than strengthened",
         "HP events per timestep, negative less positive",
-        signs_differ("hp", "negative", "positive", "dynamic", "whole_trial"),
+        signs_differ("hp", "negative", "positive", "whole_trial"),
+        "dynamic",
     ),
     samples(
         "XIII-B",
         "PEO-PANI synapses are strengthened more often than weakened",
         "PEO-PANI events per timestep, positive less negative",
-        signs_differ("peo_pani", "positive", "negative", "dynamic", "whole_trial"),
+        signs_differ("peo_pani", "positive", "negative", "whole_trial"),
+        "dynamic",
     ),
     never(
         "XIV",
         "such networks can be built with real memristors",
         "not by these experiments: `ohmloom evaluate` says for which hardware",
     ),
-    more_reliable,
+    Claim("static", more_reliable),
 )

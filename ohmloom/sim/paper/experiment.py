@@ -356,14 +356,13 @@ def _try_fresh(seed: int, network: str, arena: Mapping[str, Any], starts: int, s
 
 
 def _activities(run: _Run, evolutions: Mapping[tuple[str, str], Evolution]) -> dict[str, tuple[Activity, ...]]:
+    mixed = {task: one for (task, system), one in evolutions.items() if system == "HET"}
     arguments = [
-        [Network.load(r.network).to_json(), evolutions[task, "HET"].settings.arena().settings()]
-        for task in EXPERIMENTS for r in evolutions[task, "HET"].repeats
+        [Network.load(r.network).to_json(), one.settings.arena().settings()]
+        for one in mixed.values() for r in one.repeats
     ]  # fmt: skip
     found = iter(run.each(ACTIVITY, _record, arguments))
-    return {
-        task: tuple(Activity.from_dict(next(found)) for _ in evolutions[task, "HET"].repeats) for task in EXPERIMENTS
-    }  # fmt: skip
+    return {task: tuple(Activity.from_dict(next(found)) for _ in one.repeats) for task, one in mixed.items()}
 
 
 def _record(text: str, arena: Mapping[str, Any]) -> dict[str, Any]:

@@ -49,6 +49,16 @@ class Results:
             for task in dict.fromkeys(task for task, _ in experiment.evolutions)
         }
 
+    @cached_property
+    def at_best(self) -> Results | None:
+        """The static task at the search's best combination alone, as ``static``; None if it was not run."""
+        if "best" not in self.tasks:
+            return None
+        whole = self.experiment
+        evolutions = {("static", system): whole.evolutions["best", system] for system in self.tasks["best"]}
+        return Results(replace(whole, evolutions=evolutions, fresh={"static": whole.fresh["best"]},
+                               activity={"static": whole.activity["best"]}))  # fmt: skip
+
     def sample(self, task: str, system: str, measure: str) -> FloatArray:
         """(repeat,) one of `MEASURES` at the end of each run; NaN is a goal that was never reached.
 

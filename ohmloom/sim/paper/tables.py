@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS
-from ohmloom.sim.paper.claim_tests import KIND_NAMES, Finding
+from ohmloom.sim.paper.claim_tests import KIND_NAMES, YES, Finding
+from ohmloom.sim.paper.claims import examine, examine_at_best
 from ohmloom.sim.paper.compare import Difference, resampled_p
 from ohmloom.sim.paper.experiment import Count, Search
 from ohmloom.sim.paper.published import published
@@ -97,7 +98,7 @@ def tables(results: Results) -> list[Table]:
     if "best" in results.tasks:
         found += [_means("best_II_IV", "best", results.tasks["best"], results),
                   _tests("best_I", "best", PERFORMANCE, results, 0),
-                  _tests("best_V", "best", PERFORMANCE, results, 1)]  # fmt: skip
+                  _tests("best_V", "best", PERFORMANCE, results, 1), _claims_at_best(results)]  # fmt: skip
     return found
 
 
@@ -317,6 +318,21 @@ def _confirmed(search: Search) -> Table:
     rows = tuple((system, _rate(count), f"{implied[system]:.2%}") for system, count in search.confirmed.items())
     return Table(name="confirmed", title="All systems at the best combination, on fresh seeds",
                  head=("system", "solved", "implied by the paper"), rows=rows)  # fmt: skip
+
+
+def _claims_at_best(results: Results) -> Table:
+    default = {finding.claim: finding.verdict for finding in examine(results)}
+    found = examine_at_best(results)
+    rows = tuple((f.section, f.claim, default[f.claim], f.verdict, f.result, f.interval, _p(f.p)) for f in found)
+    papers = [finding for finding in found if finding.section != "ours"]
+    counts = [sum(verdict == YES for verdict in verdicts)
+              for verdicts in ([f.verdict for f in papers], [default[f.claim] for f in papers])]  # fmt: skip
+    return Table(
+        name="best_claims", title="Claims about the static task at the search's best combination",
+        head=("section", "claim", "default readings", "at the best", "result", "95 % interval", "p"), rows=rows,
+        note=f"Of {len(papers)} claims {counts[0]} reproduce, of the same under the default readings {counts[1]}. "
+             "Result, interval and p are those at the best combination.",
+    )  # fmt: skip
 
 
 DIFFERENCE: Final = ("difference", "95 % interval", "p", "corrected p", "g", "n")
