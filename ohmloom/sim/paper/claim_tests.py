@@ -63,6 +63,15 @@ MEASURE_NAMES: Final = {
 }  # fmt: skip
 
 
+def short(value: float, sign: str = "") -> str:
+    """Three significant digits, of large numbers all before the point; `sign` as in a format.
+
+    >>> short(0.123456), short(-1813.4), short(59.31, "+")
+    ('0.123', '-1813', '+59.3')
+    """
+    return f"{value:{sign}.0f}" if abs(value) >= 999.5 else f"{value:{sign}.3g}"
+
+
 def _finding(section: str, claim: str, test: str, difference: Difference, sign: int) -> Finding:
     """Verdict on a difference that should have this sign; with 0, on one that should not be significant."""
     verdict: Verdict
@@ -75,11 +84,11 @@ def _finding(section: str, claim: str, test: str, difference: Difference, sign: 
         is_larger = difference.value > 0.0 if difference.is_later is None else difference.is_later
         verdict = YES if p < LEVEL and is_larger == (sign > 0) else NO
     low, high = difference.interval
-    numbers = [text for text in (f"{difference.value:+.3g}", f"g = {difference.effect:+.2f}") if "nan" not in text]
+    numbers = [text for text in (short(difference.value, "+"), f"g = {difference.effect:+.2f}") if "nan" not in text]
     return Finding(
         section=section, claim=claim, test=test + (", log-rank p" if difference.p_rank is not None else ""),
         n=f"{difference.n[0]}, {difference.n[1]}", result=", ".join(numbers) or "too few solved",
-        interval="" if math.isnan(low) else f"{low:+.3g} to {high:+.3g}", p=p, verdict=verdict,
+        interval="" if math.isnan(low) else f"{short(low, '+')} to {short(high, '+')}", p=p, verdict=verdict,
     )  # fmt: skip
 
 

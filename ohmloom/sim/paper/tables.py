@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from ohmloom.neurocontroller.kinds import PLASTIC_KINDS
-from ohmloom.sim.paper.claim_tests import KIND_NAMES, YES, Finding
+from ohmloom.sim.paper.claim_tests import KIND_NAMES, YES, Finding, short
 from ohmloom.sim.paper.claims import examine, examine_at_best
 from ohmloom.sim.paper.compare import Difference, resampled_p
 from ohmloom.sim.paper.experiment import Count, Search
@@ -97,8 +97,7 @@ def tables(results: Results) -> list[Table]:
         found += [_finalists(search), _confirmed(search)]
     if "best" in results.tasks:
         found += [_means("best_II_IV", "best", results.tasks["best"], results),
-                  _tests("best_I", "best", PERFORMANCE, results, 0),
-                  _tests("best_V", "best", PERFORMANCE, results, 1), _claims_at_best(results)]  # fmt: skip
+                  _tests("best_I_V", "best", PERFORMANCE, results, 0, 1), _claims_at_best(results)]  # fmt: skip
     return found
 
 
@@ -113,7 +112,7 @@ def claims_table(findings: Sequence[Finding]) -> Table:
 
 def _title(number: str, text: str) -> str:
     is_papers = set(number) <= set("IVX")
-    return f"Table {number}: {text}" if is_papers else text
+    return f"Table {number}: {text}" if is_papers else text[0].upper() + text[1:]
 
 
 def _means(number: str, task: str, systems: Sequence[str], results: Results) -> Table:
@@ -136,9 +135,11 @@ def _means(number: str, task: str, systems: Sequence[str], results: Results) -> 
     )  # fmt: skip
 
 
-def _tests(number: str, task: str, measures: Sequence[str], results: Results, family: int) -> Table:
+def _tests(number: str, task: str, measures: Sequence[str], results: Results, *families: int) -> Table:
     printed = published().tests["dynamic" if task == "dynamic" else "static"]
-    pairs = FAMILIES["dynamic" if task == "dynamic" else "static"][family]
+    known = FAMILIES["dynamic" if task == "dynamic" else "static"]
+    pairs = [pair for family in families for pair in known[family]]
+    apart = ", those with HET apart" if len(families) > 1 else ""
     rows = []
     for measure in measures:
         compared = results.compare_systems(task, measure)
@@ -148,7 +149,7 @@ def _tests(number: str, task: str, measures: Sequence[str], results: Results, fa
     return Table(
         name=f"table_{number}", title=_title(number, f"differences between systems, {_task(task)}"),
         head=("measure", "pair", *DIFFERENCE, "paper's p"), rows=tuple(rows),
-        note="First less second. Welch's test; Holm's correction over the pairs of one measure; g is Hedges'. "
+        note=f"First less second. Welch's test; Holm's correction over the pairs of one measure{apart}; g is Hedges'. "
              "Where runs did not solve the task, the difference is of those that did, and the corrected p is that of "
              "the log-rank test of all.",
     )  # fmt: skip
@@ -340,7 +341,7 @@ DIFFERENCE: Final = ("difference", "95 % interval", "p", "corrected p", "g", "n"
 
 def _difference(d: Difference) -> tuple[str, ...]:
     low, high = d.interval
-    interval = "" if math.isnan(low) else f"{low:.3g} to {high:.3g}"
+    interval = "" if math.isnan(low) else f"{short(low)} to {short(high)}"
     return (_number(d.value), interval, _p(d.p), _p(d.p_holm), _number(d.effect), f"{d.n[0]}, {d.n[1]}")
 
 
@@ -356,7 +357,7 @@ def _mean(mean: float, deviation: float) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None or math.isnan(value) else f"{value:.3g}"
+    return "" if value is None or math.isnan(value) else short(value)
 
 
 def _p(p: float | None) -> str:
