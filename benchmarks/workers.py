@@ -42,6 +42,8 @@ def run_apart(settings: EvolutionSettings, programs: int) -> None:
         process.start()
     for process in started:
         process.join()
+        if process.exitcode != 0:
+            raise SystemExit(f"a program ended with {process.exitcode}: its time says nothing")
 
 
 def seconds(function: Callable[[EvolutionSettings, int], None], settings: EvolutionSettings, workers: int) -> float:
